@@ -11,7 +11,7 @@ from depth_pose.core.config import MatchConfig, PipelineConfig, SmoothConfig
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINTS, NODE_INDEX
 from depth_pose.pipeline import FrameResult, PosePipeline
-from depth_pose.track.person import People
+from depth_pose.track.person_view import FramePeople
 
 CONFIG = PipelineConfig(match=MatchConfig(scale=1.0), smooth=SmoothConfig(enabled=False))
 
@@ -26,7 +26,7 @@ def see(noise_m: float = NOISE_M) -> FrameResult:
     return PosePipeline(the_bank(), CONFIG).process_frame(noisy)
 
 
-def doubted(seen: FrameResult, sides: float) -> People:
+def doubted(seen: FrameResult, sides: float) -> FramePeople:
     """The person as seen, with left and right named with a probability."""
     (person,) = seen.people.persons
     measured = JointMeasurement(

@@ -14,7 +14,7 @@ from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as FACING
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX, NODE_PARENTS
 from depth_pose.core.types import HIDDEN, DepthFrame, FoundPerson
-from depth_pose.track.person import see_people
+from depth_pose.track.person_view import see_people
 
 CAMERA = Camera(176, 144, 190.0, 190.0, 87.5, 71.5)
 

@@ -21,7 +21,7 @@ from depth_pose.io.mcap_read import DepthReader
 from depth_pose.match.match import Matcher
 from depth_pose.refine.refine import Refiner
 from depth_pose.stages import Shared
-from depth_pose.track.person import People
+from depth_pose.track.person_view import FramePeople
 
 RIGHT_M = 0.1
 """A match whose joints are off by less than this on average counts as right, metres."""
@@ -34,7 +34,7 @@ class Recording:
     """The one person of a recording, where found, frame by frame, and the known joints, (T, 19, 3) metres."""
 
     name: str
-    people: list[People]
+    people: list[FramePeople]
     joints: np.ndarray
 
 
@@ -58,7 +58,7 @@ def load_recording(path: Path, step: int = 1) -> Recording:
     return Recording(path.stem, found, np.array(joints, np.float64))
 
 
-def _nearest(people: People, known: np.ndarray) -> People:
+def _nearest(people: FramePeople, known: np.ndarray) -> FramePeople:
     """Keep the person nearest to the known joints."""
     middle = known.mean(axis=0)
     near = sorted(people.persons, key=lambda p: float(np.linalg.norm(np.median(p.points, axis=0) - middle)))
@@ -91,7 +91,7 @@ def read_arguments(parser: argparse.ArgumentParser, step: int) -> tuple[argparse
 
 def match_frames(
     bank: Bank, recording: Recording, scale: float, shortlist: int = MatchConfig().shortlist
-) -> Iterator[tuple[People, np.ndarray, PoseMatch, float]]:
+) -> Iterator[tuple[FramePeople, np.ndarray, PoseMatch, float]]:
     """Match each frame by itself; yield those with a match: person, known joints, match, seconds of CPU."""
     matcher = make_matcher(bank, MatchConfig(scale=scale, shortlist=shortlist, search_every=1))
     for people, known in zip(recording.people, recording.joints, strict=True):
@@ -113,7 +113,7 @@ def compare_frames(bank: Bank, recording: Recording, scale: float) -> np.ndarray
 
 
 def compare(
-    bank: Bank, refiner: Refiner, people: People, known: np.ndarray, match: PoseMatch
+    bank: Bank, refiner: Refiner, people: FramePeople, known: np.ndarray, match: PoseMatch
 ) -> tuple[float, bool, float, bool]:
     """Compute error (m) and flip of the best match, and of its refinement."""
     (refined,) = refiner.refine(people, (match,))
@@ -122,7 +122,7 @@ def compare(
     return *first, *last
 
 
-def find_scale(bank: Bank, people: list[People]) -> float:
+def find_scale(bank: Bank, people: list[FramePeople]) -> float:
     """Body scale that the matcher finds over its first frames."""
     matcher = make_matcher(bank, MatchConfig(search_every=1))
     scale = 1.0

@@ -21,7 +21,7 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.types import Skeleton
 from depth_pose.pipeline import FrameResult, PosePipeline
 from depth_pose.track.packed_people import pack_people, unpack_people
-from depth_pose.track.person import People
+from depth_pose.track.person_view import FramePeople
 
 _STEP_M = 0.1
 """Mean movement of the joints between two frames (m) that costs as much as a confidence of 1/e; set by
@@ -144,7 +144,7 @@ class _Spool:
     def __exit__(self, *_: object) -> None:
         self._file.close()
 
-    def add(self, people: People) -> None:
+    def add(self, people: FramePeople) -> None:
         """Append a frame."""
         self._last_ns = people.stamp_ns
         self._starts.append(self._file.tell())
@@ -157,7 +157,7 @@ class _Spool:
                 "let TMPDIR name a folder with more, or give --passes 1"
             ) from error
 
-    def played_back(self) -> Iterator[People]:
+    def played_back(self) -> Iterator[FramePeople]:
         """Yield the frames from the last to the first, with stamps that continue from the last one."""
         for start in reversed(self._starts):
             self._file.seek(start)

@@ -19,7 +19,7 @@ from depth_pose.core.types import DepthFrame, PoseMatch, Skeleton
 from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.stages import Shared
 from depth_pose.track.follow import Follower
-from depth_pose.track.person import People
+from depth_pose.track.person_view import FramePeople
 from depth_pose.track.upside_down import UpsideDownWatch
 
 _one_thread = ThreadpoolController().wrap(limits=1)
@@ -30,7 +30,7 @@ _one_thread = ThreadpoolController().wrap(limits=1)
 class FrameResult:
     """Results of all stages for one frame; ``skeletons`` has all people, ``skeleton`` the followed one."""
 
-    people: People
+    people: FramePeople
     matches: tuple[PoseMatch, ...]
     refined: tuple[Fitted, ...]
     skeletons: tuple[Skeleton, ...]
@@ -80,7 +80,7 @@ class PosePipeline:
         return self.answer(people)
 
     @_one_thread
-    def answer(self, people: People) -> FrameResult:
+    def answer(self, people: FramePeople) -> FrameResult:
         """Estimate the poses of segmented people."""
         # Sec. 5: canonical axes, PCA subspace, nearest exemplars (eq. 6)
         matches = self.matcher.match(people)

@@ -11,7 +11,7 @@ import synthetic as syn
 from depth_pose.core.config import DenoiseConfig, SegmentConfig
 from depth_pose.core.types import HIDDEN, PERSON
 from depth_pose.denoise.extract import PeopleExtractor
-from depth_pose.track.person import MIN_POINTS
+from depth_pose.track.person_view import MIN_POINTS
 
 
 @pytest.fixture

@@ -29,7 +29,7 @@ from depth_pose.ros.messages.skeletons import (
     msg_to_skeleton,
     skeletons_to_msg,
 )
-from depth_pose.track.person import see_people
+from depth_pose.track.person_view import see_people
 
 CAMERA = Camera(32, 24, 30.0, 30.0, 15.5, 11.5)
 

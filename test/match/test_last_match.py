@@ -12,19 +12,19 @@ import synthetic as syn
 from depth_pose.core.config import MatchConfig, PipelineConfig
 from depth_pose.match.match import Matcher
 from depth_pose.stages import Shared
-from depth_pose.track.person import People
+from depth_pose.track.person_view import FramePeople
 from stages import make_matcher
 
 _SHIFT_M = np.array([0.05, 0.0, 0.02])
 
 
 @pytest.fixture(scope="module")
-def people(bank) -> People:
+def people(bank) -> FramePeople:
     posed = bank.body.pose(np.diag([1.0, -1.0, -1.0]) @ bank.rotations(31), np.array([0.0, 0.0, 3.0]))
     return syn.to_people(syn.draw((posed.vertices, bank.body.faces)))
 
 
-def shifted(people: People, k: int, step_ns: int = 33_000_000) -> People:
+def shifted(people: FramePeople, k: int, step_ns: int = 33_000_000) -> FramePeople:
     """The same people k steps farther on: their points alone, so that a search answers something else."""
     stamped = syn.restamped(people, k * step_ns)
     return replace(
@@ -32,14 +32,16 @@ def shifted(people: People, k: int, step_ns: int = 33_000_000) -> People:
     )
 
 
-def named(people: People, *body_ids: str) -> People:
+def named(people: FramePeople, *body_ids: str) -> FramePeople:
     """The one person of a frame several times, under some ids."""
     (person,) = people.persons
     persons = tuple(replace(person, found=replace(person.found, body_id=b)) for b in body_ids)
     return replace(people, persons=persons)
 
 
-def searches(matcher: Matcher, people: People, frames: int, step_ns: int = 33_000_000) -> list[list[bool]]:
+def searches(
+    matcher: Matcher, people: FramePeople, frames: int, step_ns: int = 33_000_000
+) -> list[list[bool]]:
     """Return for each frame and person whether exemplars were searched for (and not carried along)."""
     before: dict[str, np.ndarray] = {}
     out = []
@@ -90,7 +92,7 @@ def test_a_reset_forgets_whose_turn_it_is(bank, people) -> None:
     assert searches(matcher, people, 5) == told[0]
 
 
-def cut(people: People, is_cut: bool) -> People:
+def cut(people: FramePeople, is_cut: bool) -> FramePeople:
     """The same people, with or without something that cuts them off below."""
     return replace(people, persons=tuple(replace(p, is_cut_below=is_cut) for p in people.persons))
 

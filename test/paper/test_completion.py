@@ -12,7 +12,7 @@ from depth_pose.core.skeleton import JOINT_NODES
 from depth_pose.paper.coherence import geodesic_basis, surface_distances
 from depth_pose.paper.completion import MeshCompleter
 from depth_pose.recover.temporal import TemporalCarrier
-from depth_pose.track.person import thin
+from depth_pose.track.person_view import thin
 from staged import person_of, pose_of, the_body
 
 TRUTH = {"left_shoulder": (0, 0, -0.35), "left_elbow": (0, 0, -0.3), "right_hip": (0, 0, 0.15)}

@@ -25,7 +25,7 @@ from depth_pose.recover.measurements import weigh_joints
 from depth_pose.recover.recover import Recoverer, RecoveryMemory
 from depth_pose.sim.failures import KINDS, fail
 from depth_pose.stages import Shared
-from depth_pose.track.person import People
+from depth_pose.track.person_view import FramePeople
 from stages import make_recoverer, make_refiner
 
 FRAMES = 12
@@ -45,7 +45,7 @@ def recoverer(smooth: bool = False, **settings) -> Recoverer:
     return make_recoverer(the_bank(), recover=config, smooth=SmoothConfig(enabled=smooth))
 
 
-def recovered(stage: Recoverer, people: People, *fitted: Fitted) -> Skeleton | None:
+def recovered(stage: Recoverer, people: FramePeople, *fitted: Fitted) -> Skeleton | None:
     """The stage's answer for one person; None where they are lost."""
     answers = stage.recover(people, fitted)
     assert len(answers) <= 1
@@ -125,7 +125,7 @@ def test_leaves_a_good_run_alone(run) -> None:
     assert stage.last_reasons == {}
 
 
-def told(people: People, probability: float) -> People:
+def told(people: FramePeople, probability: float) -> FramePeople:
     """The same people, of another probability."""
     persons = (replace(p, found=replace(p.found, probability=probability)) for p in people.persons)
     return replace(people, persons=tuple(persons))

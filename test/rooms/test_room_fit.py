@@ -21,7 +21,7 @@ from depth_pose.rooms.room_fit import RoomFit
 from depth_pose.rooms.room_refiner import Answer, RoomMemory, RoomRefiner
 from depth_pose.rooms.starts import best_limbs
 from depth_pose.rooms.view import view_at
-from depth_pose.track.person import see_people
+from depth_pose.track.person_view import see_people
 
 CAMERA = Camera(176, 144, 160.0, 160.0, 87.5, 71.5)
 MIDDLE = np.array([0.0, 0.0, 0.95])

@@ -29,7 +29,7 @@ from depth_pose.ros.messages.skeletons import (
     skeletons_to_msg,
 )
 from depth_pose.ros.transport import drawing, tf
-from depth_pose.track.person import see_people
+from depth_pose.track.person_view import see_people
 from skeletons import random_skeleton
 
 

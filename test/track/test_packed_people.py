@@ -10,7 +10,7 @@ import numpy as np
 import synthetic as syn
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.track.packed_people import pack_people, unpack_people
-from depth_pose.track.person import see_people
+from depth_pose.track.person_view import see_people
 
 
 def test_unpacked_people_are_the_same_bit_for_bit():

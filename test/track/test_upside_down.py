@@ -8,7 +8,7 @@ import pytest
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import DepthFrame, FoundPerson
-from depth_pose.track.person import People, see_people
+from depth_pose.track.person_view import FramePeople, see_people
 from depth_pose.track.upside_down import UpsideDownWatch
 
 CAMERA = Camera(160, 120, 110.0, 110.0, 79.5, 59.5)
@@ -28,7 +28,7 @@ def scene(
     return np.where(own, PERSON_M, depth).astype(np.float32), own.astype(np.uint8)
 
 
-def found(depth: np.ndarray, labels: np.ndarray) -> tuple[DepthFrame, People]:
+def found(depth: np.ndarray, labels: np.ndarray) -> tuple[DepthFrame, FramePeople]:
     person = FoundPerson(1, "a", 1.0)
     who = [person] if labels.any() else []
     points = CAMERA.back_project(np.where(labels > 0, depth, np.float32(0)))

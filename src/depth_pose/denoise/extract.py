@@ -20,7 +20,7 @@ from depth_pose.detect.plane_segmenter import PlaneSegmenter
 from depth_pose.detect.sample_frame import sample_frame
 from depth_pose.detect.segmentation import Segmenter, Sighting
 from depth_pose.track.choice import PeopleChoice
-from depth_pose.track.person import MIN_POINTS, NO_FLOOR, People, see_people
+from depth_pose.track.person_view import MIN_POINTS, NO_FLOOR, FramePeople, see_people
 from depth_pose.track.tracks import PeopleTracks
 
 _FLOOR_EVERY_NS = 1_000_000_000
@@ -99,7 +99,7 @@ class PeopleExtractor:
         found = FoundPerson(1, "", 1.0)
         see_people(0, "", camera, camera.back_project(depth), np.ones((48, 64), np.uint8), [found])
 
-    def extract(self, frame: DepthFrame) -> People:
+    def extract(self, frame: DepthFrame) -> FramePeople:
         """Detect people, assign ids, select among them, and denoise their points.
 
         Denoising computes depths; x and y follow along each pixel's ray (Ye et al. eqs. 2 and 4).

@@ -21,7 +21,7 @@ from depth_pose.evaluate.pictures import plain_text, save_picture
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.match.match import match_confidence
 from depth_pose.stages import Shared
-from depth_pose.track.person import People
+from depth_pose.track.person_view import FramePeople
 
 _FRAMES_BEFORE = 2
 """Number of frames, before the shown one, over which the person's size is found."""
@@ -36,7 +36,7 @@ class MatchedFrame:
     """One frame of the recording: its number, its people, and their matches."""
 
     number: int
-    people: People
+    people: FramePeople
     matches: tuple[PoseMatch, ...]
 
 

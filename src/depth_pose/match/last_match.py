@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.types import PoseMatch
-from depth_pose.track.person import Person
+from depth_pose.track.person_view import PersonView
 
 _LONGEST_NS = 100_000_000
 """Maximum age (ns) of carried candidates; at 5 frames a second, longer costs 1 to 3 points of PCK.10."""
@@ -36,12 +36,12 @@ class LastMatch:
         self._stamp_ns = 0
         self._middle: NDArray[np.float64] = np.zeros(3)
 
-    def carried(self, person: Person, scale: float) -> PoseMatch | None:
+    def carried(self, person: PersonView, scale: float) -> PoseMatch | None:
         """Return the last match, moved with the person; None when a search is due.
 
         Parameters
         ----------
-        person : Person
+        person : PersonView
         scale : float
             Current estimate of the size.
         """
@@ -55,13 +55,13 @@ class LastMatch:
         candidates = (replace(c, translation=c.translation + shift) for c in self._match.candidates)
         return replace(self._match, scale=scale, candidates=tuple(candidates))
 
-    def keep(self, person: Person, match: PoseMatch) -> None:
+    def keep(self, person: PersonView, match: PoseMatch) -> None:
         """Store the result of a search."""
         if self._match is None:
             self._age = sum(person.body_id.encode()) % self._every
         self._match, self._stamp_ns, self._middle = match, person.stamp_ns, _middle(person)
 
 
-def _middle(person: Person) -> NDArray[np.float64]:
+def _middle(person: PersonView) -> NDArray[np.float64]:
     """Compute the mean (3,) of a person's points, metres."""
     return np.asarray(person.points.mean(axis=0))

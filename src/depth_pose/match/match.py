@@ -41,7 +41,7 @@ from depth_pose.match.search import SubspaceSearch
 from depth_pose.match.trial_fits import TrialFits
 from depth_pose.match.upright_exemplars import UprightExemplars, head_axes
 from depth_pose.track.memory import Subjects
-from depth_pose.track.person import People, Person, thin_image
+from depth_pose.track.person_view import FramePeople, PersonView, thin_image
 from depth_pose.track.sample_people import sample_people
 from depth_pose.track.time_budget import TimeBudget
 
@@ -158,12 +158,12 @@ class Matcher:
         self.match(sample_people(self.bank))
         self.reset()
 
-    def match(self, people: People) -> tuple[PoseMatch, ...]:
+    def match(self, people: FramePeople) -> tuple[PoseMatch, ...]:
         """Find the exemplars nearest to each person.
 
         Parameters
         ----------
-        people : People
+        people : FramePeople
 
         Returns
         -------
@@ -173,7 +173,7 @@ class Matcher:
         self._subjects.begin(people)
         return tuple(self._match(person) for person in self.time_budget.take(people.persons))
 
-    def _match(self, person: Person) -> PoseMatch:
+    def _match(self, person: PersonView) -> PoseMatch:
         """Return the exemplars nearest to one person, from a new search or carried along."""
         subject = self._subjects[person.body_id]
         if subject.match is None:
@@ -189,7 +189,7 @@ class Matcher:
         last.keep(person, match)
         return match
 
-    def _search_for(self, person: Person, size: _Size) -> PoseMatch:
+    def _search_for(self, person: PersonView, size: _Size) -> PoseMatch:
         """Find the exemplars nearest to one person."""
         is_new = size.finder.frames == 0
         scale = self._scale(person, size.finder)
@@ -205,7 +205,7 @@ class Matcher:
         """Check that the size is configured, or estimated and held."""
         return self.config.scale > 0.0 or finder.frames >= self.config.scale_frames
 
-    def _await_whole(self, person: Person, size: _Size) -> None:
+    def _await_whole(self, person: PersonView, size: _Size) -> None:
         """Restart the size estimate of a person who was partly cut off or hidden, as more becomes visible."""
         if not (person.is_cut_beside or person.is_cut_below):
             size.whole += 1
@@ -220,7 +220,7 @@ class Matcher:
         elif not size.is_partial and not self._is_known(size.finder):
             size.is_partial, size.shown = True, shown
 
-    def _scale(self, person: Person, finder: ScaleFinder) -> float:
+    def _scale(self, person: PersonView, finder: ScaleFinder) -> float:
         """Return the person's size: configured, or estimated over the frames so far."""
         if self.config.scale > 0.0:
             return self.config.scale
@@ -231,7 +231,7 @@ class Matcher:
             finder.add(person, self._pose(self._compare_finely(person, scale, rough), 0, scale))
         return finder.scale
 
-    def _first_sizes(self, person: Person) -> list[float]:
+    def _first_sizes(self, person: PersonView) -> list[float]:
         """Return the sizes that are compared first: near the proposals' size, or over the whole range."""
         sizes = SCALES[1::3]
         if (guess := self._proposed.size(person.measured)) is None:
@@ -244,12 +244,12 @@ class Matcher:
         rotations = placed.rotations[row] @ self.bank.rotations(int(placed.exemplars[row]))
         return BodyPose(rotations, placed.translations[row], scale)
 
-    def compare_roughly(self, person: Person, scale: float, shortlist: int) -> Placed:
+    def compare_roughly(self, person: PersonView, scale: float, shortlist: int) -> Placed:
         """Search with each of the input's axes at one size, and compare all results coarsely.
 
         Parameters
         ----------
-        person : Person
+        person : PersonView
         scale : float
             Size of the body, relative to the bank's.
         shortlist : int
@@ -274,7 +274,7 @@ class Matcher:
             parts.append(proposed)
         return self._renderer.compare(join(parts), scale, _thinned(person, _ROUGH_M))
 
-    def _compare_finely(self, person: Person, scale: float, rough: Placed) -> Placed:
+    def _compare_finely(self, person: PersonView, scale: float, rough: Placed) -> Placed:
         """Compare the best of the shortlist in a finer image, and sort them by score."""
         image = _thinned(person, _FINE_M)
         ranking = rough.ranking()
@@ -287,7 +287,7 @@ class Matcher:
         best = better(best, self._renderer.compare(best.moved(), scale, image))
         return self.settle_facing(best.take(best.ranking()), person, scale)
 
-    def settle_facing(self, placed: Placed, person: Person, scale: float) -> Placed:
+    def settle_facing(self, placed: Placed, person: PersonView, scale: float) -> Placed:
         """Move the best exemplar that faces the other way to the front if it agrees better after a fit.
 
         From behind people look much as from the front. Where the bank has no near pose, one that faces the
@@ -297,7 +297,7 @@ class Matcher:
         ----------
         placed : Placed
             Ranked, the best first.
-        person : Person
+        person : PersonView
         scale : float
 
         Returns
@@ -354,6 +354,6 @@ def _with_facing(rows: NDArray[np.int64], most: int, alike: NDArray[np.bool_]) -
     return np.append(taken[:-1], others[alike[others]][0])
 
 
-def _thinned(person: Person, spacing_m: float) -> Observation:
+def _thinned(person: PersonView, spacing_m: float) -> Observation:
     """Subsample the half-resolution image to the required spacing."""
     return thin_image(person.coarse, float(person.points[:, 2].mean()), spacing_m)

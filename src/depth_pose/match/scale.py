@@ -16,7 +16,7 @@ import numpy as np
 
 from depth_pose.body.pose import BodyPose
 from depth_pose.match.trial_fits import TrialFits
-from depth_pose.track.person import Person
+from depth_pose.track.person_view import PersonView
 
 if TYPE_CHECKING:
     from depth_pose.refine.articulated import ArticulatedFitter
@@ -60,12 +60,12 @@ class ScaleFinder:
         step = 0.5 * (-below - above) / (above - below) if above > 0.0 > below else 0.0
         return float(SCALES[k] * (SCALES[1] / SCALES[0]) ** step)
 
-    def add(self, person: Person, start: BodyPose) -> None:
+    def add(self, person: PersonView, start: BodyPose) -> None:
         """Add a frame to the estimate.
 
         Parameters
         ----------
-        person : Person
+        person : PersonView
         start : BodyPose
             The matched pose, at a size near the person's.
         """

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from depth_pose.body.pose import BodyPose
-from depth_pose.track.person import Person
+from depth_pose.track.person_view import PersonView
 
 if TYPE_CHECKING:
     from depth_pose.refine.articulated import ArticulatedFitter
@@ -17,7 +17,7 @@ _POINTS = 400
 class TrialFits:
     """Fits poses to one frame with fewer points than `depth_pose.refine.refine` does."""
 
-    def __init__(self, fitter: ArticulatedFitter, band: float, view: Person) -> None:
+    def __init__(self, fitter: ArticulatedFitter, band: float, view: PersonView) -> None:
         self._fitter, self._band = fitter, band
         self._comparer = view.comparer
         self._target = view.target(_POINTS, with_proposals=False)

@@ -11,14 +11,14 @@ from depth_pose.body.build import build_space
 from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.paper.completion import MeshCompleter
 from depth_pose.refine.body_fitter import FrameFit
-from depth_pose.track.person import Person, thin
+from depth_pose.track.person_view import PersonView, thin
 
 
 @dataclass(frozen=True)
 class _CompletionFit:
     completer: MeshCompleter
     points: NDArray[np.float64]
-    person: Person
+    person: PersonView
 
     def glance(self, start: BodyPose) -> FittedBody:
         posed = self.completer.body.pose(start.rotations, start.root, start.scale)
@@ -38,7 +38,7 @@ class CompletionFitter:
         self._completer = completer
         self._space = build_space(completer.body)
 
-    def fit_to(self, person: Person, build: NDArray[np.float32]) -> FrameFit:
+    def fit_to(self, person: PersonView, build: NDArray[np.float32]) -> FrameFit:
         """Prepare the fits of a build (13,) to one frame."""
         points = thin(person.points, self._completer.config.max_points)
         return _CompletionFit(self._completer.of(self._space.body(build)), points, person)

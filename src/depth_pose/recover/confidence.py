@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointState
 from depth_pose.recover import _confidence_kernels as kernels
-from depth_pose.track.person import Person
+from depth_pose.track.person_view import PersonView
 
 _HALF_SURE_SCORE = 0.45
 """Rendered-depth score at which a fit is right with probability one half."""
@@ -146,7 +146,7 @@ def fit_confidence(score: float) -> float:
 
 
 def skeleton_signs(
-    person: Person,
+    person: PersonView,
     joints: NDArray[np.float64],
     states: NDArray[np.uint8],
     joint_confidence: NDArray[np.float64],
@@ -168,7 +168,7 @@ def joints_that_count(states: NDArray[np.uint8]) -> NDArray[np.bool_]:
 
 
 def skeleton_confidence(
-    person: Person,
+    person: PersonView,
     joints: NDArray[np.float64],
     states: NDArray[np.uint8],
     joint_confidence: NDArray[np.float64],
@@ -177,7 +177,7 @@ def skeleton_confidence(
 
     Parameters
     ----------
-    person : Person
+    person : PersonView
     joints : (19, 3) float64
         Camera frame, metres.
     states : (19,) uint8
@@ -193,7 +193,7 @@ def _log_odds(chance: float) -> float:
     return float(np.log(chance / (1.0 - chance)))
 
 
-def measure_joint_signs(positions: NDArray[np.float64], scale: float, person: Person) -> JointSigns:
+def measure_joint_signs(positions: NDArray[np.float64], scale: float, person: PersonView) -> JointSigns:
     """Compare joints with the observed depth where they and the limb segments project.
 
     Parameters
@@ -201,7 +201,7 @@ def measure_joint_signs(positions: NDArray[np.float64], scale: float, person: Pe
     positions : (19, 3) float64
         Camera frame, metres.
     scale : float
-    person : Person
+    person : PersonView
 
     Returns
     -------
@@ -233,7 +233,9 @@ def _proposal_signs(positions: NDArray[np.float64], measured: JointMeasurement |
     return np.stack([np.minimum(apart, _MOST_APART) * sure, sure], axis=1)
 
 
-def report_joints(positions: NDArray[np.float64], scale: float, person: Person, score: float) -> JointReport:
+def report_joints(
+    positions: NDArray[np.float64], scale: float, person: PersonView, score: float
+) -> JointReport:
     """Compute the visibility state and the confidence of each joint.
 
     Parameters
@@ -241,7 +243,7 @@ def report_joints(positions: NDArray[np.float64], scale: float, person: Person, 
     positions : (19, 3) float64
         Camera frame, metres.
     scale : float
-    person : Person
+    person : PersonView
     score : float
         Rendered-depth score of the fit.
     """

@@ -35,7 +35,7 @@ from depth_pose.refine.kept_poses import AWAY_WEIGHT
 from depth_pose.refine.proposals import from_proposals
 from depth_pose.refine.skeleton_pose import about_face
 from depth_pose.track.memory import Subject, Subjects
-from depth_pose.track.person import People, Person, thin
+from depth_pose.track.person_view import FramePeople, PersonView, thin
 from depth_pose.track.sample_people import sample_people
 
 _MAX_POINTS = 450
@@ -90,7 +90,7 @@ class RecoveryMemory:
         Person probability times the fit's confidence, averaged over the last frames.
     before : Fitted or None
         The unfiltered answer for the previous frame.
-    person_before : Person or None
+    person_before : PersonView or None
         The observation in that frame.
     good : Fitted or None
         The last fit without a failure.
@@ -104,7 +104,7 @@ class RecoveryMemory:
     sides: SidesBelief = field(default_factory=SidesBelief)
     standing: float = _FIRST_STANDING
     before: Fitted | None = None
-    person_before: Person | None = None
+    person_before: PersonView | None = None
     good: Fitted | None = None
     good_points: int = 0
     is_waiting: bool = False
@@ -116,7 +116,7 @@ class RecoveryMemory:
         self.before = self.person_before = self.good = None
         self.good_points, self.is_waiting = 0, True
 
-    def trust(self, person: Person, fitted: Fitted) -> Fitted:
+    def trust(self, person: PersonView, fitted: Fitted) -> Fitted:
         """Accept a fit as the reference for later frames."""
         self.good, self.good_points, self.is_waiting = fitted, len(person.points), False
         return fitted
@@ -192,12 +192,12 @@ class Recoverer:
             _disagreement(fitted, person)
             excess_of(fitted.pose.rotations)
 
-    def recover(self, people: People, fitted: Iterable[Fitted]) -> tuple[Skeleton, ...]:
+    def recover(self, people: FramePeople, fitted: Iterable[Fitted]) -> tuple[Skeleton, ...]:
         """Check fitted bodies, recover failed ones, and filter.
 
         Parameters
         ----------
-        people : People
+        people : FramePeople
         fitted : iterable of Fitted
             The refiner's answers for the same people.
 
@@ -214,7 +214,7 @@ class Recoverer:
         answers = (self._recover(persons[f.body_id], f) for f in fitted if f.body_id in persons)
         return tuple(a for a in answers if a is not None)
 
-    def _recover(self, person: Person, fitted: Fitted) -> Skeleton | None:
+    def _recover(self, person: PersonView, fitted: Fitted) -> Skeleton | None:
         """Build the skeleton of one person; None if lost."""
         memory = self._remembered(self._subjects[person.body_id])
         is_sure = person.found.probability >= _SURE
@@ -241,7 +241,7 @@ class Recoverer:
         alternative = self._other_view(person, answer, sides) if sides < _SIDES_SURE else None
         return replace(skeleton, positions=positions, alternative=alternative)
 
-    def _other_view(self, person: Person, answer: Fitted, sides: float) -> Skeleton | None:
+    def _other_view(self, person: PersonView, answer: Fitted, sides: float) -> Skeleton | None:
         """Return the answer for the same person facing the other way; None if the input contradicts it."""
         turned = replace(self._fit(person, about_face(answer.pose), answer.build), source=answer.source)
         if turned.score > answer.score + _CONTRADICTED:
@@ -255,7 +255,7 @@ class Recoverer:
             subject.recovery = RecoveryMemory(JointFilter(self._smooth))
         return subject.recovery
 
-    def _checked(self, person: Person, memory: RecoveryMemory, refined: Fitted) -> Fitted | None:
+    def _checked(self, person: PersonView, memory: RecoveryMemory, refined: Fitted) -> Fitted | None:
         """Return the refined fit, or a better one; None if the person is lost."""
         failure = self._check.find(refined, memory.good, memory.before)
         if failure is None:
@@ -284,14 +284,14 @@ class Recoverer:
         good = memory.good
         return good is not None and stamp_ns - good.stamp_ns > self.config.max_time * 1e9
 
-    def carry(self, memory: RecoveryMemory, person: Person, limit: float) -> Fitted:
+    def carry(self, memory: RecoveryMemory, person: PersonView, limit: float) -> Fitted:
         """Move the last body to this frame: unchanged, or moved by registering the point clouds.
 
         Parameters
         ----------
         memory : RecoveryMemory
             With the previous frame's fit and person.
-        person : Person
+        person : PersonView
         limit : float
             The clouds are registered if the unchanged pose scores slightly above this.
 
@@ -310,7 +310,7 @@ class Recoverer:
         carried = self._carrier.carry(before, now, shown.coarse, last.pose, body)
         return self._fit(person, carried.pose, last.build)
 
-    def _fit(self, person: Person, start: BodyPose, build: NDArray[np.float32]) -> Fitted:
+    def _fit(self, person: PersonView, start: BodyPose, build: NDArray[np.float32]) -> Fitted:
         """Fit the body of the previous frame to this frame, and compare the two."""
         fitter = self._bodies.of(build)
         pose = fitter.fit(self._bodies.target(person), start, fitter.config.carried).pose
@@ -320,14 +320,14 @@ class Recoverer:
         return Fitted(person.body_id, person.stamp_ns, Source.RECOVERED, body, build, seen.score, seen.gap)
 
 
-def _weighed(person: Person, answer: Fitted) -> NDArray[np.float64]:
+def _weighed(person: PersonView, answer: Fitted) -> NDArray[np.float64]:
     """Return the joints (19, 3) of a fit, weighed with those proposed."""
     sure = report_joints(answer.joints, answer.pose.scale, person, answer.score).confidence
     return weigh_joints(answer.joints, answer.score, sure, person.measured).joints
 
 
 def _skeleton(
-    person: Person, answer: Fitted, joints: NDArray[np.float64], trust: float, joint_trust: float
+    person: PersonView, answer: Fitted, joints: NDArray[np.float64], trust: float, joint_trust: float
 ) -> Skeleton:
     """Return the skeleton of an answer and its joints (19, 3), with factors on its confidences."""
     report = report_joints(joints, answer.pose.scale, person, answer.score)
@@ -348,7 +348,7 @@ def _skeleton(
     )
 
 
-def _disagreement(fitted: Fitted, person: Person) -> float:
+def _disagreement(fitted: Fitted, person: PersonView) -> float:
     """Return the disagreement with the depth image and with the proposed joints, as for fits."""
     if fitted.is_lost:
         return fitted.score

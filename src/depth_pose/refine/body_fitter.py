@@ -14,7 +14,7 @@ from depth_pose.body.coarsen import coarsen
 from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.core.config import FittingConfig
 from depth_pose.refine.articulated import ArticulatedFitter
-from depth_pose.track.person import Person
+from depth_pose.track.person_view import PersonView
 from depth_pose.track.target import FitTarget
 
 _VERTICES = 1000
@@ -37,7 +37,7 @@ class FrameFit(Protocol):
 class PersonFitter(Protocol):
     """A method of fitting: the articulated fit, or the paper's registration and completion."""
 
-    def fit_to(self, person: Person, build: NDArray[np.float32]) -> FrameFit:
+    def fit_to(self, person: PersonView, build: NDArray[np.float32]) -> FrameFit:
         """Prepare the fits of a build (13,) to one frame."""
 
 
@@ -86,11 +86,11 @@ class BodyFitter:
         """Return the fitter of one build (13,)."""
         return self.template.of(self.space.body(build))
 
-    def target(self, person: Person) -> FitTarget:
+    def target(self, person: PersonView) -> FitTarget:
         """Return the data that a person's body is fitted to."""
         return person.target(self.config.fit.max_points)
 
-    def fit_to(self, person: Person, build: NDArray[np.float32]) -> FrameFit:
+    def fit_to(self, person: PersonView, build: NDArray[np.float32]) -> FrameFit:
         """Prepare the fits of a build (13,) to one frame."""
         return _ArticulatedFit(*self.both_of(build), self.target(person))
 

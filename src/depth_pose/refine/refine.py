@@ -41,7 +41,7 @@ from depth_pose.refine.pose_prior import PosePrior, usual_joints
 from depth_pose.refine.proposals import aim_at_proposals, from_proposals
 from depth_pose.refine.unseen_legs import UnseenLegs
 from depth_pose.track.memory import Subject, Subjects
-from depth_pose.track.person import People, Person
+from depth_pose.track.person_view import FramePeople, PersonView
 from depth_pose.track.sample_people import SAMPLE_DISTANCE_M, sample_people
 
 _FIRST_ROUNDS = 4
@@ -122,12 +122,12 @@ class Refiner:
                 self._unseen_legs.settle(self.bank.body, fitted.body, waist)
         self.reset()
 
-    def refine(self, people: People, matches: Iterable[PoseMatch]) -> tuple[Fitted, ...]:
+    def refine(self, people: FramePeople, matches: Iterable[PoseMatch]) -> tuple[Fitted, ...]:
         """Fit the body to every matched person.
 
         Parameters
         ----------
-        people : People
+        people : FramePeople
         matches : iterable of PoseMatch
             The matcher's answers for the same people; people without one are skipped.
 
@@ -149,7 +149,7 @@ class Refiner:
             if m.body_id in persons
         )
 
-    def _refine(self, person: Person, match: PoseMatch, subject: Subject) -> Fitted:
+    def _refine(self, person: PersonView, match: PoseMatch, subject: Subject) -> Fitted:
         """Fit the body to one person."""
         if match.bank_id != self.bank.bank_id:
             raise BankError(
@@ -170,7 +170,7 @@ class Refiner:
             person.body_id, person.stamp_ns, Source.REFINED, whole, build, score, best.comparison.gap
         )
 
-    def _fit_best(self, person: Person, match: PoseMatch, kept: KeptPoses, fit: FrameFit) -> ScoredFit:
+    def _fit_best(self, person: PersonView, match: PoseMatch, kept: KeptPoses, fit: FrameFit) -> ScoredFit:
         """Fit fresh and kept starts roughly, search limbs in one group, finish, and choose."""
         old = self._fit_kept(person, kept, match.scale, fit)
         fresh = [] if _settles(kept, old, match) else [self._fit_candidates(person, match, fit)]
@@ -188,18 +188,18 @@ class Refiner:
         kept.beam = keep_differing(best, answers, self.config.beam)
         return best
 
-    def _fit_candidates(self, person: Person, match: PoseMatch, fit: FrameFit) -> ScoredFit:
+    def _fit_candidates(self, person: PersonView, match: PoseMatch, fit: FrameFit) -> ScoredFit:
         """Return the rough fit of the best candidate after a glance."""
         starts = [self.bank.pose(candidate, match.scale) for candidate in match.candidates]
         return self._fit_one(person, starts, fit)
 
-    def _fit_kept(self, person: Person, kept: KeptPoses, scale: float, fit: FrameFit) -> list[ScoredFit]:
+    def _fit_kept(self, person: PersonView, kept: KeptPoses, scale: float, fit: FrameFit) -> list[ScoredFit]:
         """Return the rough fits of the poses kept from the previous frame, the answer first."""
         beam = kept.beam if self.config.track else ()
         starts = [BodyPose(pose.rotations, pose.root, scale) for pose in beam]
         return [self._compare(person, fit.rough(start)) for start in starts]
 
-    def _search_limbs(self, person: Person, side: ScoredFit, rounds: int, fit: FrameFit) -> ScoredFit:
+    def _search_limbs(self, person: PersonView, side: ScoredFit, rounds: int, fit: FrameFit) -> ScoredFit:
         """Replace arms and legs as long as the fit improves."""
         for _ in range(rounds):
             starts = self.limbs.propose(side.body, person.comparer)
@@ -212,16 +212,16 @@ class Refiner:
             side = exchanged
         return side
 
-    def _fit_one(self, person: Person, starts: Iterable[BodyPose], fit: FrameFit) -> ScoredFit:
+    def _fit_one(self, person: PersonView, starts: Iterable[BodyPose], fit: FrameFit) -> ScoredFit:
         """Return the rough fit of the start that is best after a glance."""
         best = min((self._compare(person, fit.glance(start)) for start in starts), key=by_score)
         return self._compare(person, fit.rough(best.body.pose))
 
-    def _finish(self, person: Person, side: ScoredFit, fit: FrameFit) -> ScoredFit:
+    def _finish(self, person: PersonView, side: ScoredFit, fit: FrameFit) -> ScoredFit:
         """Fit finely; return the rough fit where it agrees better, as where the fine one lost an arm."""
         return min(self._compare(person, fit.finish(side.body)), side, key=by_score)
 
-    def _compare(self, person: Person, body: FittedBody) -> ScoredFit:
+    def _compare(self, person: PersonView, body: FittedBody) -> ScoredFit:
         """Compare a fitted body with the depth, the proposed joints and the pose prior.
 
         The prior is for what proposals leave open: near them, an unusual pose costs less.

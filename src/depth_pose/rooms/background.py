@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.types import HIDDEN, DepthFrame
-from depth_pose.track.person import People
+from depth_pose.track.person_view import FramePeople
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ class BackgroundBuilder:
     _count: int = -1
     _every: int = 1
 
-    def add(self, frame: DepthFrame, people: People) -> None:
+    def add(self, frame: DepthFrame, people: FramePeople) -> None:
         """Add an image without the people in it; all have one camera, others are ignored."""
         step = -(-frame.camera.width // _MOST_PX)
         camera = frame.camera.strided(step)
@@ -84,7 +84,7 @@ class BackgroundBuilder:
         return empty_room(np.stack(self._images), self.camera)
 
 
-def _covered(people: People, camera: Camera) -> NDArray[np.bool_]:
+def _covered(people: FramePeople, camera: Camera) -> NDArray[np.bool_]:
     """Return the pixels (H, W) of a camera's image that people cover, with a margin."""
     own = people.camera
     covered = (people.labels > 0) & (people.labels < HIDDEN)

@@ -26,7 +26,7 @@ from depth_pose.rooms.tracks import FORGET_NS, RoomTracks
 from depth_pose.rooms.view import view_at
 from depth_pose.track.follow import Follower
 from depth_pose.track.packed_people import unpack_people
-from depth_pose.track.person import Person
+from depth_pose.track.person_view import PersonView
 
 _FRESH_NS, _LATE = 150_000_000, 1.2
 """A camera's frame takes part up to this age (ns), or this many of its frame periods; set by hand."""
@@ -46,7 +46,7 @@ class _Seen:
 
     camera: int
     stamp_ns: int
-    person: Person
+    person: PersonView
     pose: BodyPose
     skeleton: Skeleton
 

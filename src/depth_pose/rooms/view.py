@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.pose import BodyPose, FittedBody
-from depth_pose.track.person import Person
+from depth_pose.track.person_view import PersonView
 from depth_pose.track.target import FitTarget
 
 
@@ -22,14 +22,14 @@ class View:
 
     Attributes
     ----------
-    person : Person
+    person : PersonView
         In the camera's frame.
     target : FitTarget
     T_room_camera : (4, 4) float64
         Optical frame to the room's, for the person where they are at the common time.
     """
 
-    person: Person
+    person: PersonView
     target: FitTarget
     T_room_camera: NDArray[np.float64]
 
@@ -68,13 +68,13 @@ class View:
 
 
 def view_at(
-    person: Person, target: FitTarget, T_room_camera: NDArray[np.float64], way: NDArray[np.float64]
+    person: PersonView, target: FitTarget, T_room_camera: NDArray[np.float64], way: NDArray[np.float64]
 ) -> View:
     """Return a person's view at another time.
 
     Parameters
     ----------
-    person : Person
+    person : PersonView
     target : FitTarget
     T_room_camera : (4, 4) float64
         Of the camera.

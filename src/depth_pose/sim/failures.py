@@ -17,7 +17,7 @@ from depth_pose.body.pose import BodyPose, Fitted, FittedBody
 from depth_pose.core.config import MatchConfig
 from depth_pose.core.skeleton import NODE_INDEX, forward_kinematics
 from depth_pose.refine.skeleton_pose import about_face, pose_from_nodes
-from depth_pose.track.person import Person
+from depth_pose.track.person_view import PersonView
 
 _ARMS = [
     [NODE_INDEX[f"{s}_{n}"] for n in ("clavicle", "shoulder", "elbow", "wrist")] for s in ("left", "right")
@@ -59,7 +59,7 @@ KINDS: dict[str, Callable[[Bank, BodyPose, np.random.Generator], BodyPose]] = {
 """Functions that make wrong poses from right ones."""
 
 
-def fail(kind: str, fitted: Fitted, person: Person, bank: Bank, rng: np.random.Generator) -> Fitted:
+def fail(kind: str, fitted: Fitted, person: PersonView, bank: Bank, rng: np.random.Generator) -> Fitted:
     """Apply a failure to a fitted body.
 
     Parameters
@@ -69,7 +69,7 @@ def fail(kind: str, fitted: Fitted, person: Person, bank: Bank, rng: np.random.G
     fitted : Fitted
         A correct one, made with the default `MatchConfig.score_band`: the wrong pose is compared with
         the same band, because scores of other bands are not comparable.
-    person : Person
+    person : PersonView
         The person it was fitted to, with which the wrong pose is compared as a fit would be.
     bank : Bank
         Source of the poses of a wrong arm, or of a wrong pose.

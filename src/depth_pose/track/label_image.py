@@ -12,7 +12,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.config import MountConfig
 from depth_pose.core.mount import rotation_sensor_upright
 from depth_pose.core.types import MOST_LABEL, DepthFrame
-from depth_pose.track.person import People
+from depth_pose.track.person_view import FramePeople
 
 
 def person_number(body_id: str) -> int:
@@ -24,12 +24,12 @@ def person_number(body_id: str) -> int:
     return (int(digits[-1]) - 1) % MOST_LABEL + 1 if digits else 1
 
 
-def draw_labels(people: People, frame: DepthFrame, mount: MountConfig) -> NDArray[np.uint8]:
+def draw_labels(people: FramePeople, frame: DepthFrame, mount: MountConfig) -> NDArray[np.uint8]:
     """Draw the label image at sensor resolution.
 
     Parameters
     ----------
-    people : People
+    people : FramePeople
         People of this frame, on the upright working grid.
     frame : DepthFrame
         The sensor's original frame.

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from depth_pose.core.config import MAX_STAMP_GAP_NS
 from depth_pose.core.stamps import StampGuard
-from depth_pose.track.person import People
+from depth_pose.track.person_view import FramePeople
 
 if TYPE_CHECKING:
     from depth_pose.match.match import MatchMemory
@@ -72,7 +72,7 @@ class Subjects:
         self._subjects: dict[str, Subject] = {}
         self._seen_ns: dict[str, int] = {}
 
-    def begin(self, people: People) -> None:
+    def begin(self, people: FramePeople) -> None:
         """Begin a frame: forget expired state. Each stage calls this; only the first call has an effect."""
         now_ns = people.stamp_ns
         if self._guard.is_break(now_ns):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.types import FoundPerson
-from depth_pose.track.person import People, see_people
+from depth_pose.track.person_view import FramePeople, see_people
 
 
 class PackedPeople(NamedTuple):
@@ -42,7 +42,7 @@ class PackedPeople(NamedTuple):
     floor: NDArray[np.float64]
 
 
-def pack_people(people: People) -> PackedPeople:
+def pack_people(people: FramePeople) -> PackedPeople:
     """Leave out what `unpack_people` prepares again."""
     at = np.flatnonzero(np.isfinite(people.points[..., 2]))
     points = people.points.reshape(-1, 3)[at]
@@ -58,7 +58,7 @@ def _without_mask(found: FoundPerson) -> FoundPerson:
     return found if measured is None else replace(found, measured=measured.without_mask())
 
 
-def unpack_people(packed: PackedPeople) -> People:
+def unpack_people(packed: PackedPeople) -> FramePeople:
     """Prepare the people again; the same as before, bit for bit."""
     camera = packed.camera
     labels = np.frombuffer(zlib.decompress(packed.labels), np.uint8).reshape(camera.height, camera.width)

@@ -11,7 +11,7 @@ from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import JOINT_NODES
 from depth_pose.core.types import BACKGROUND, PERSON, FoundPerson
-from depth_pose.track.person import People, see_people
+from depth_pose.track.person_view import FramePeople, see_people
 
 _CAMERA = Camera(width=176, height=144, fx=200.0, fy=200.0, cx=87.5, cy=71.5)
 """Camera of the sample image, pixels; set by hand."""
@@ -21,7 +21,7 @@ SAMPLE_DISTANCE_M = 3.2
 """Distance from the camera to the sample person (m); set by hand."""
 
 
-def sample_people(bank: Bank) -> People:
+def sample_people(bank: Bank) -> FramePeople:
     """Render the bank's first pose into a frame, with its joints as proposals."""
     posed = bank.body.pose(R_CAMERA_FACING_MODEL @ bank.rotations(0), np.array([0.0, 0.0, SAMPLE_DISTANCE_M]))
     drawn = render_depth(posed.vertices, bank.body.faces, _CAMERA)

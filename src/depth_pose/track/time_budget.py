@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from depth_pose.track.person import Person
+from depth_pose.track.person_view import PersonView
 
 
 class TimeBudget:
@@ -32,7 +32,7 @@ class TimeBudget:
         self._clock = clock
         self._waiting: frozenset[str] = frozenset()
 
-    def take(self, persons: Sequence[Person]) -> Iterator[Person]:
+    def take(self, persons: Sequence[PersonView]) -> Iterator[PersonView]:
         """Yield people one by one: always the first, the others while there is time."""
         if self.limit_s <= 0.0:
             yield from persons

@@ -6,7 +6,7 @@ from depth_pose.core.config import MountConfig, SegmentConfig
 from depth_pose.core.mount import rotate_upright
 from depth_pose.core.types import DepthFrame
 from depth_pose.detect.floor import FloorFinder, stands_on
-from depth_pose.track.person import People
+from depth_pose.track.person_view import FramePeople
 
 _HALF_TURN = MountConfig(roll=180.0)
 
@@ -36,14 +36,14 @@ class UpsideDownWatch:
         """Forget all earlier frames."""
         self._frames = self._looks = self._doubtful = 0
 
-    def look(self, frame: DepthFrame, people: People) -> None:
+    def look(self, frame: DepthFrame, people: FramePeople) -> None:
         """Add a frame.
 
         Parameters
         ----------
         frame : DepthFrame
             As it is processed: of a sensor with a known roll, turned upright.
-        people : People
+        people : FramePeople
             The people found in it.
         """
         self._frames += 1

@@ -15,10 +15,10 @@ from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
 from depth_pose.core.types import Candidate, PoseMatch
 from depth_pose.ros.messages.basics import make_header, make_quaternion
 from depth_pose.ros.messages.checks import check_numbers, check_people
-from depth_pose.track.person import People
+from depth_pose.track.person_view import FramePeople
 
 
-def matches_to_msg(matches: Sequence[PoseMatch], people: People) -> PoseMatchArray:
+def matches_to_msg(matches: Sequence[PoseMatch], people: FramePeople) -> PoseMatchArray:
     """Build the message of the matches of a frame's people."""
     return PoseMatchArray(
         header=make_header(people.stamp_ns, people.frame_id),

@@ -17,7 +17,7 @@ from depth_pose.core.types import FoundPerson
 from depth_pose.ros.messages.basics import make_header, stamp_to_ns
 from depth_pose.ros.messages.checks import FARTHEST_M, check_numbers, check_people
 from depth_pose.track._person_kernels import pack_points, unpack_points
-from depth_pose.track.person import People, see_people
+from depth_pose.track.person_view import FramePeople, see_people
 
 POINT_DTYPE = np.dtype(
     {
@@ -38,7 +38,7 @@ _FIELDS = [
 """The same as fields of a `PointCloud2`."""
 
 
-def people_to_msgs(people: People) -> tuple[PointCloud2, PeopleMsg]:
+def people_to_msgs(people: FramePeople) -> tuple[PointCloud2, PeopleMsg]:
     """Build an organised ``PointCloud2`` of 16 bytes a point (x, y, z float32, label uint8), and its people.
 
     The data is assigned as ``bytes``: a numpy array would take 50 times as long.
@@ -87,7 +87,7 @@ def _measurement_to_fields(measured: JointMeasurement | None) -> dict[str, Any]:
     }
 
 
-def msgs_to_people(points: PointCloud2, people: PeopleMsg) -> People:
+def msgs_to_people(points: PointCloud2, people: PeopleMsg) -> FramePeople:
     """Convert the messages of `people_to_msgs` back to people.
 
     Raises

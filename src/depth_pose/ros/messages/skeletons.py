@@ -19,7 +19,7 @@ from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, NODE_INDE
 from depth_pose.core.types import BUILD_SIZE, Skeleton
 from depth_pose.ros.messages.basics import make_header, make_quaternion, stamp_to_ns
 from depth_pose.ros.messages.checks import check_numbers, check_people
-from depth_pose.track.person import People
+from depth_pose.track.person_view import FramePeople
 
 _STATES = frozenset(map(int, JointState))
 
@@ -112,7 +112,7 @@ def skeletons_to_msg(skeletons: Sequence[Skeleton], stamp_ns: int, frame_id: str
     )
 
 
-def fitted_to_msg(fitted: Sequence[Fitted], people: People) -> FittedArray:
+def fitted_to_msg(fitted: Sequence[Fitted], people: FramePeople) -> FittedArray:
     """Build the message of the bodies fitted to a frame's people.
 
     Each is sent as a skeleton without confidences and states, which the recovery node computes.
@@ -130,7 +130,7 @@ def fitted_to_msg(fitted: Sequence[Fitted], people: People) -> FittedArray:
     )
 
 
-def _fitted_to_skeleton(fitted: Fitted, people: People) -> SkeletonMsg:
+def _fitted_to_skeleton(fitted: Fitted, people: FramePeople) -> SkeletonMsg:
     msg = SkeletonMsg(
         header=make_header(people.stamp_ns, people.frame_id),
         body_id=fitted.body_id,

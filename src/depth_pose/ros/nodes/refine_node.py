@@ -25,7 +25,7 @@ from depth_pose.ros.nodes.parameters import REFINE
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.transport.drawing import mesh_to_marker
 from depth_pose.stages import Shared
-from depth_pose.track.person import People as PeopleData
+from depth_pose.track.person_view import FramePeople
 
 
 class RefineNode(BankNode):
@@ -68,7 +68,7 @@ class RefineNode(BankNode):
             self.statistics.values["residual_m"] = f.gap
         self._publish_meshes(fitted, people)
 
-    def _publish_meshes(self, fitted: Sequence[Fitted], people: PeopleData) -> None:
+    def _publish_meshes(self, fitted: Sequence[Fitted], people: FramePeople) -> None:
         """Publish the fitted meshes, at most ``mesh_rate`` times a second."""
         rate, now = self.value("mesh_rate"), time.monotonic()
         if rate <= 0.0 or now < self._next_mesh_s or not self._meshes.get_subscription_count():

@@ -18,7 +18,7 @@ from depth_pose.ros.messages.basics import make_header
 from depth_pose.ros.transport.level import Level
 from depth_pose.ros.transport.tf import LATCHED, Transforms, pose_of, stamped
 from depth_pose.track.label_image import draw_labels
-from depth_pose.track.person import People
+from depth_pose.track.person_view import FramePeople
 
 if TYPE_CHECKING:
     from depth_pose.ros.nodes.node_base import StageNode
@@ -60,14 +60,14 @@ class RoomOutputs:
         self._mount: MountConfig = self._config.mount
         self._told: Floor | None = None
 
-    def tell(self, frame: DepthFrame, people: People, finder: FloorFinder) -> None:
+    def tell(self, frame: DepthFrame, people: FramePeople, finder: FloorFinder) -> None:
         """Publish the enabled outputs of one frame.
 
         Parameters
         ----------
         frame : DepthFrame
             As measured by the sensor.
-        people : People
+        people : FramePeople
             Of this frame.
         finder : FloorFinder
             Holds the floor.

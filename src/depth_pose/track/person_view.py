@@ -1,8 +1,8 @@
 """The people of a frame, prepared once for all steps.
 
-`see_people` builds `People`. It prepares, for each person, all data that matching, fitting and recovery need:
-the points, and a window of the image from the view of that person, in which nearer people occlude and farther
-people are free space.
+`see_people` builds `FramePeople`, with a `PersonView` of each: the data that matching, fitting and recovery
+need. They are the points, and a window of the image from the view of that person, in which nearer people
+occlude and farther people are free space.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ _SIDE_PIXELS = 3
 
 
 NO_FLOOR = np.zeros(4)
-"""An unknown floor (`People.floor`)."""
+"""An unknown floor (`FramePeople.floor`)."""
 
 
 @dataclass(frozen=True)
-class Person:
+class PersonView:
     """One person in one frame.
 
     Attributes
@@ -66,7 +66,7 @@ class Person:
     is_cut_beside : bool
         Whether the image's left or right border may cut through the person.
     floor : (4,) float64
-        As in `People`.
+        As in `FramePeople`.
     """
 
     stamp_ns: int
@@ -107,7 +107,7 @@ class Person:
 
 
 @dataclass(frozen=True)
-class People:
+class FramePeople:
     """All people in one frame, on the working grid of the steps after denoising.
 
     Attributes
@@ -121,7 +121,7 @@ class People:
     labels : (h, w) uint8
         Number of the person at each pixel; 0 for free space, `depth_pose.core.types.HIDDEN` where
         something nearer, or nothing, was measured.
-    persons : tuple of Person
+    persons : tuple of PersonView
     floor : (4,) float64
         The floor's normal, upward, and the sensor's height above it, metres; 0 where it is unknown.
     """
@@ -131,7 +131,7 @@ class People:
     camera: Camera
     points: NDArray[np.float32]
     labels: NDArray[np.uint8]
-    persons: tuple[Person, ...]
+    persons: tuple[PersonView, ...]
     floor: NDArray[np.float64]
 
 
@@ -143,13 +143,13 @@ def see_people(
     labels: NDArray[np.uint8],
     found: Iterable[FoundPerson],
     floor: NDArray[np.float64] = NO_FLOOR,
-) -> People:
+) -> FramePeople:
     """Prepare all people of a frame that have enough points.
 
     Parameters
     ----------
     stamp_ns, frame_id, camera, points, labels, floor
-        As in `People`.
+        As in `FramePeople`.
     found : iterable of FoundPerson
         The people that the labels denote.
     """
@@ -158,7 +158,7 @@ def see_people(
         for f in found
         if (person := _see_person(stamp_ns, frame_id, camera, points, labels, f, floor)) is not None
     )
-    return People(stamp_ns, frame_id, camera, points, labels, persons, floor)
+    return FramePeople(stamp_ns, frame_id, camera, points, labels, persons, floor)
 
 
 def _see_person(
@@ -169,7 +169,7 @@ def _see_person(
     labels: NDArray[np.uint8],
     found: FoundPerson,
     floor: NDArray[np.float64],
-) -> Person | None:
+) -> PersonView | None:
     """Prepare one person; None with too few points."""
     taken, depth = np.empty((labels.size, 3)), np.empty(labels.shape, np.float32)
     count = kernels.take_person(points, labels, found.label, taken, depth)
@@ -179,7 +179,7 @@ def _see_person(
     own = np.empty(labels.shape, np.uint8)
     kernels.label_for(points, labels, found.label, float(np.median(taken[:, 2])), own)
     low = own[-1] == PERSON
-    return Person(
+    return PersonView(
         stamp_ns=stamp_ns,
         frame_id=frame_id,
         found=found,

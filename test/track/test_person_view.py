@@ -7,7 +7,7 @@ import pytest
 
 import synthetic as syn
 from depth_pose.core.types import BACKGROUND, PERSON, UNKNOWN
-from depth_pose.track.person import MIN_POINTS, thin, thin_image
+from depth_pose.track.person_view import MIN_POINTS, thin, thin_image
 
 
 def pixels_of(window, camera, value):
