@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from parts.room_fusion import fusion
 
-from depth_pose.bank.default import prepare_default_bank
+from depth_pose.bank import default_bank_path
 from depth_pose.cli.rooms import read_all
 from depth_pose.core.errors import InputError
 from depth_pose.rooms.calibration import RoomCalibration
@@ -47,7 +47,7 @@ def displacement(found: Calibration, truth: dict[str, np.ndarray], camera: int) 
 
 def calibration(folder: Path, seconds: list[float], names: list[str]) -> None:
     """Calibrate every simulated room of a folder, and print a table."""
-    bank = str(prepare_default_bank())
+    bank = str(default_bank_path())
     columns = f"{'room':10} {'s':>4} {'camera':>6} {'mm':>6} {'place':>6} {'deg':>5}"
     print(f"{columns}   said mm   deg  clock ms (true)")
     for length in seconds:

@@ -26,8 +26,8 @@ finally:
     print("imported:", *(n for n in {watched!r} if sys.modules.get(n) is not None))
 """
 
-GONE = (*EXTRAS, "onnx", "torch", "fsspec", "aiohttp", "rclpy", "open3d", "pycpd", "mcap_ros2", "bvhio")
-"""All that ``depth-pose run`` needs not; Open3D only makes banks and simulates."""
+GONE = (*EXTRAS, "onnx", "torch", "fsspec", "aiohttp", "rclpy", "pycpd", "mcap_ros2", "bvhio")
+"""All that ``depth-pose run`` needs not."""
 
 PARTS = tuple(
     f"depth_pose.{name}" for name in ("volume", "sim", "evaluate", "export", "archive", "ros", "viewer")
@@ -75,6 +75,9 @@ def test_the_pipeline_imports_no_optional_part() -> None:
         (("run", "IN", "IN", "-o", "OUT/out", "--cluster", "tcp://127.0.0.1:1"), "distributed"),
         (("bank", "build", "-o", "OUT/b.npz", "--body", "me.glb"), "pygltflib"),
         (("bank", "build", "-o", "OUT/b.npz", "--body", "anny"), "anny"),
+        (("bank", "build", "-o", "OUT/b.npz"), "open3d"),
+        (("simulate", "-o", "OUT/sim.mcap"), "open3d"),
+        (("simulate", "-o", "OUT/sim.mcap", "--room"), "open3d"),
         (("run", "https://127.0.0.1:1/a.mcap", "-o", "OUT/out"), "fsspec"),
     ],
 )

@@ -1,4 +1,4 @@
-"""The library's front door: six lines, checked inputs, results in other forms, the bank that is made once."""
+"""The library's front door: six lines, checked inputs, results in other forms, the bank that comes along."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import doctest
 import json
 import subprocess
 import sys
-import threading
 import warnings
 from dataclasses import replace
 from importlib import import_module
@@ -17,7 +16,6 @@ import pytest
 
 import depth_pose
 from depth_pose import BankError, Camera, ConfigError, DepthFrame, InputError, JointState, Tracker
-from depth_pose.bank import Bank, default
 from depth_pose.core.errors import DepthPoseError
 from depth_pose.core.types import Skeleton
 from depth_pose.detect.sample_frame import sample_frame
@@ -308,63 +306,19 @@ def test_pandas_is_asked_for_by_name(person, monkeypatch):
 # --- the bank
 
 
-@pytest.fixture
-def cache(tmp_path, monkeypatch):
-    """The default bank's file in an empty cache."""
+def test_the_bank_comes_with_the_package(monkeypatch, tmp_path, frame):
+    """Nothing is built, nothing is written to the user's cache."""
     monkeypatch.delenv("DEPTH_POSE_BANK", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    return tmp_path / "depth_pose" / "default_bank_v1.npz"
+    (person,) = Tracker(quiet=True)(frame.depth, frame.camera)
+    assert abs(person["pelvis"].position[2] - 3.2) < 0.1
+    assert not (tmp_path / "depth_pose").exists()
 
 
-@pytest.fixture
-def builds(monkeypatch):
-    """The commands that build a bank, as they are run."""
-    commands = []
-    real = subprocess.Popen
-    monkeypatch.setattr(
-        default.subprocess, "Popen", lambda command, **kw: commands.append(command) or real(command, **kw)
-    )
-    return commands
-
-
-def test_the_bank_is_built_once_of_two_that_ask(cache, builds):
-    shares: list[float] = []
-    paths: list[Path] = []
-    asking = [
-        threading.Thread(target=lambda: paths.append(default.ensure_default_bank(shares.append, 10)))
-        for _ in range(2)
-    ]
-    for thread in asking:
-        thread.start()
-    for thread in asking:
-        thread.join()
-    assert paths == [cache, cache]
-    assert len(builds) == 1
-    assert shares == sorted(shares) and shares[-1] == 1.0
-    bank = Bank.load(cache)
-    assert bank.poses == 10
-    assert bank.source["body"] == "embedded"
-    assert default.ensure_default_bank() == cache
-    assert len(builds) == 1
-
-
-def test_a_bank_that_is_named_is_not_built(tmp_path, monkeypatch):
+def test_a_bank_that_is_named_and_missing_is_an_error(tmp_path, monkeypatch):
     monkeypatch.setenv("DEPTH_POSE_BANK", str(tmp_path / "mine.npz"))
     with pytest.raises(BankError, match=r"mine.npz: no such bank"):
         Tracker(quiet=True)
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_build_that_fails_says_why(cache, monkeypatch):
-    real = subprocess.Popen
-    monkeypatch.setattr(
-        default.subprocess,
-        "Popen",
-        lambda command, **kwargs: real([sys.executable, "-c", "raise SystemExit('no memory')"], **kwargs),
-    )
-    with pytest.raises(BankError, match="could not be built: no memory"):
-        default.ensure_default_bank()
-    assert not cache.exists()
 
 
 def test_errors_have_one_base():

@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from depth_pose.bank import Bank
-from depth_pose.bank.default import prepare_default_bank
+from depth_pose.bank import Bank, default_bank_path
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.types import Skeleton
 from depth_pose.evaluate.score_people import PeopleScore, match_people, score_matches
@@ -127,7 +126,7 @@ def fusion(
     folder: Path, names: Sequence[str], rigs: Path | None, tell: Callable[[str], None] = print
 ) -> None:
     """Fuse every simulated room of a folder, with the true rigs or those of another folder; print a table."""
-    bank, ratios = Bank.load(prepare_default_bank()), dict[tuple[str, int], list[float]]()
+    bank, ratios = Bank.load(default_bank_path()), dict[tuple[str, int], list[float]]()
     tell(HEAD)
     for file in sorted(folder.glob("*.yaml")):
         if names and file.stem not in names:
@@ -138,7 +137,7 @@ def fusion(
             rig = replace(rig, clock_offsets=tuple(map(float, truth["clock_offsets_s"])))
         recordings = sorted(folder.glob(f"{file.stem}_?.mcap"))
         with tempfile.TemporaryDirectory() as spools:
-            watch = Watch(prepare_default_bank(), PipelineConfig(), None, ImageOptions())
+            watch = Watch(default_bank_path(), PipelineConfig(), None, ImageOptions())
             watched = watch_all(recordings, watch, Path(spools), 0)
             for row in _rows_of_room(bank, rig, watched, truth):
                 errors, cameras, how, score, ms = row

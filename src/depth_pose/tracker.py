@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from depth_pose.bank.bank import Bank
-from depth_pose.bank.default import ensure_default_bank, prepare_default_bank
+from depth_pose.bank.bank import Bank, default_bank_path
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import ConfigError, InputError
@@ -38,13 +37,13 @@ _CAMERA_CALL = "depth_pose.Camera.from_matrix(K, width=640, height=480)"
 class Tracker:
     """Track all people in a sequence of depth images.
 
-    The first tracker on a machine builds the exemplar bank and compiles the kernels, which takes a few
-    minutes and shows a progress bar; later ones load both in seconds.
+    The first tracker on a machine compiles the kernels, which takes about a minute; later ones load them in
+    seconds.
 
     Parameters
     ----------
     bank : Bank or path, optional
-        Exemplar bank; by default the one in the user's cache.
+        Exemplar bank; by default the one that comes with the package, or that ``$DEPTH_POSE_BANK`` names.
     config : PipelineConfig or mapping, optional
         Settings by step, for instance ``{"segment": {"far": 4.0, "most_people": 2}}``.
     depth_scale : float, optional
@@ -58,7 +57,7 @@ class Tracker:
     Raises
     ------
     BankError
-        Where the bank is damaged or cannot be built.
+        Where the bank is missing or damaged.
     ConfigError
         Where a setting is unknown or out of its range.
 
@@ -94,12 +93,12 @@ class Tracker:
         self._last_ns: int | None = None
         self._is_unit_known = depth_scale is not None
         self._warned = frozenset[str]()
-        if bank is None:
-            bank = ensure_default_bank() if quiet else prepare_default_bank()
         with ExitStack() as stack:
             if not quiet:
                 stack.enter_context(loading("the bank"))
-            self._pipeline = PosePipeline(bank if isinstance(bank, Bank) else Bank.load(bank), config)
+            self._pipeline = PosePipeline(
+                bank if isinstance(bank, Bank) else Bank.load(bank or default_bank_path()), config
+            )
             self._pipeline.warm_up()
 
     def __call__(

@@ -33,8 +33,8 @@ def test_same_bank_from_any_number_of_workers(body, few, monkeypatch):
     assert b.source["views"] == b.view_scheme == "partial"
     assert 0.4 < b.source["explained_variance"] < 1.0
     np.testing.assert_allclose(
-        np.stack([b.rotations(i) for i in range(count)]), few, atol=1e-6
-    )  # as they were given
+        np.stack([b.rotations(i) for i in range(count)]), few, atol=1e-4
+    )  # as they were given, but for the rounding
 
 
 def test_coefficients_come_from_the_poses_as_stored(bank):
@@ -43,8 +43,9 @@ def test_coefficients_come_from_the_poses_as_stored(bank):
 
     views = render_views(bank.body, bank.rotations(7)[None], 7)
     again = project(views.descriptors, Subspace(bank.mean, bank.components))
-    np.testing.assert_allclose(again[0], bank.coefficients[7], atol=2e-3)
-    np.testing.assert_allclose(views.origins[0], bank.view_origins[7], atol=1e-6)
+    half_a_step = np.abs(bank.coefficients).max(axis=(0, 1)) / 254
+    assert (np.abs(again[0] - bank.coefficients[7]) < half_a_step + 2e-3).all()
+    np.testing.assert_allclose(views.origins[0], bank.view_origins[7], atol=5.1e-5)
 
 
 @pytest.mark.parametrize("rows", [200, 25])

@@ -18,4 +18,6 @@ for t, depth in frames:
         found.append(person.id)
 
 assert found == ["body_1"] * 3, found
-assert not any(importlib.util.find_spec(name) for name in ("rclpy", "viser", "distributed", "torch"))
+assert not any(
+    importlib.util.find_spec(name) for name in ("rclpy", "viser", "distributed", "torch", "open3d")
+)

@@ -108,7 +108,7 @@ def test_the_manual_installs_the_list():
 
 
 def test_open3d_has_wheels_on_both_architectures():
-    wanted = requirements()
+    wanted = requirements("sim")
     assert wanted["open3d"] == wanted["open3d-cpu"] == ">=0.19,<0.21"  # 0.20 is the first for arm64
     assert "libusb-package" in wanted  # which 0.20 wants from the system
 

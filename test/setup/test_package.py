@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-MOST_WHEEL_MB = 4.0
+MOST_WHEEL_MB = 15.0
 
 
 def run(*command, **environment):
@@ -73,9 +73,9 @@ def test_pip_installs_one_program(metadata):
 
 def test_nothing_of_ros_is_needed_without_the_extra(metadata):
     needed = [line for line in metadata.requires if "extra ==" not in line]
-    assert needed and not any(re.match(r"ros-|rclpy|viser|distributed|torch", line) for line in needed)
+    assert needed and not any(re.match(r"ros-|rclpy|viser|distributed|torch|open3d", line) for line in needed)
     extras = set(metadata.metadata.get_all("Provides-Extra"))
-    assert {"ros", "view", "pictures", "dask", "train", "pandas", "remote", "anny", "docs"} <= extras
+    assert {"ros", "sim", "view", "pictures", "dask", "train", "pandas", "remote", "anny", "docs"} <= extras
 
 
 def test_links_of_the_readme_lead_somewhere_on_an_index(metadata):
@@ -88,14 +88,12 @@ def test_links_of_the_readme_lead_somewhere_on_an_index(metadata):
 
 
 @pytest.mark.slow
-def test_six_lines_in_a_clean_environment(archives, bank_path, tmp_path):
+def test_six_lines_in_a_clean_environment(archives, tmp_path):
     """Installed from the index into an environment of its own: no ROS, no compiler, nothing of ours."""
     environment = {"PYTHONPATH": "", "PATH": "/nowhere", "XDG_CACHE_HOME": str(tmp_path / "cache")}
     run(sys.executable, "-m", "venv", tmp_path / "venv", _ROS_WHEELS_BOOTSTRAP_COMPLETE="1")
     python = tmp_path / "venv" / "bin" / "python"
     run(python, "-m", "pip", "install", "--no-compile", archives[0], PYTHONPATH="")
-    small = tmp_path / "small.npz"
-    run(python, "-m", "depth_pose.bank.default", small, "10", cwd=tmp_path, **environment)  # Open3D is there
     lines = Path(__file__).parent / "six_lines.py"
-    said = run(python, lines, cwd=tmp_path, DEPTH_POSE_BANK=str(bank_path), **environment)
+    said = run(python, lines, cwd=tmp_path, **environment)
     assert [line.split()[0] for line in said.splitlines()] == ["body_1"] * 3

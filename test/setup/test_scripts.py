@@ -128,7 +128,7 @@ def test_another_python_can_be_named(tools, tmp_path):
 
 def test_requirements_come_from_pyproject():
     done = subprocess.run(
-        [sys.executable, HELPERS / "requirements.py", "numpy", "ros", "dependencies"],
+        [sys.executable, HELPERS / "requirements.py", "numpy", "ros", "sim", "dependencies"],
         capture_output=True,
         text=True,
         check=True,
@@ -173,65 +173,28 @@ def test_a_failed_job_shows_its_last_words(tmp_path):
 
 @pytest.fixture
 def project(tmp_path):
-    """The scripts and the bank's sources, with a depth-pose that notes that it was called."""
+    """The scripts, with a Python that notes that it was called."""
     copy = tmp_path / "project"
     shutil.copytree(SCRIPTS, copy / "launch_scripts")
-    shutil.copytree(ROOT / "src", copy / "src", ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
     (copy / ".venv" / "bin").mkdir(parents=True)
-    program(copy / ".venv" / "bin", "python", f"echo {tmp_path}/cache/bank.npz")
+    program(copy / ".venv" / "bin", "python", "cat >>programs")
     for folder in ("depth_pose_logs", "depth_pose_stamps"):
         (copy / ".venv" / folder).mkdir()
-    program(
-        copy / ".venv" / "bin",
-        "depth-pose",
-        'echo "$# $*" >>calls; if [ $# = 4 ]; then echo a bank >"$4"; fi',
-    )
     return copy
 
 
-def calls(project, begin):
-    """How often depth-pose has been called with so many arguments, the first ones of which are these."""
-    path = project / "calls"
-    return sum(line.startswith(begin) for line in path.read_text().splitlines()) if path.exists() else 0
-
-
 def prepare(project):
-    """Call it; gives how many banks have been built in this project so far."""
+    """Call it; return the programs that Python has been given so far."""
     script = "set -euo pipefail; source launch_scripts/helpers/console.sh; "
     script += "source launch_scripts/helpers/prepare.sh; prepare"
-    environment = {k: v for k, v in os.environ.items() if k != "DEPTH_POSE_BANK"}
-    subprocess.run(["/bin/bash", "-c", script], cwd=project, env=environment, check=True)
-    return calls(project, "4 bank build")
+    subprocess.run(["/bin/bash", "-c", script], cwd=project, check=True)
+    return (project / "programs").read_text()
 
 
 def test_the_kernels_are_compiled_once(project):
     for _ in range(2):
-        prepare(project)
-        assert calls(project, "6 run") == 1
+        assert prepare(project).count("Tracker(quiet=True)") == 1
     (project / ".venv" / "depth_pose_stamps" / "kernels").unlink()
-    program(project / ".venv" / "bin", "depth-pose", "exit 1")
+    program(project / ".venv" / "bin", "python", "exit 1")
     prepare(project)  # nothing else comes to harm
     assert not (project / ".venv" / "depth_pose_stamps" / "kernels").exists()
-
-
-def test_the_bank_is_built_once_and_again_when_its_sources_change(project):
-    assert prepare(project) == 1
-    assert prepare(project) == 1
-    with (project / "src" / "depth_pose" / "body" / "body.py").open("a") as file:
-        file.write("# changed\n")
-    assert prepare(project) == 2
-    assert prepare(project) == 2
-
-
-def test_a_bank_of_the_user_s_is_left_alone(project, tmp_path):
-    bank = tmp_path / "cache" / "bank.npz"
-    bank.parent.mkdir()
-    bank.write_text("mine")
-    assert prepare(project) == 0
-    bank.unlink()
-    assert prepare(project) == 1
-    bank.write_text("mine")
-    with (project / "src" / "depth_pose" / "body" / "body.py").open("a") as file:
-        file.write("# changed\n")
-    assert prepare(project) == 1
-    assert bank.read_text() == "mine"

@@ -300,8 +300,7 @@ def _pipeline(setting: Setting) -> PosePipeline:
     """Return this process's pipeline; it is built for the first recording."""
     key = (setting.bank_id, setting.digest)
     if key not in _held:
-        from depth_pose.bank import Bank
-        from depth_pose.bank.default import ensure_default_bank
+        from depth_pose.bank import Bank, default_bank_path
         from depth_pose.pipeline import PosePipeline
 
         here = platform.node()
@@ -309,7 +308,7 @@ def _pipeline(setting: Setting) -> PosePipeline:
             raise ConfigError(
                 f"{here} has depth_pose {__version__}, not {setting.version}: install that there"
             )
-        path = setting.bank or ensure_default_bank()
+        path = setting.bank or default_bank_path()
         bank = Bank.load(path)
         if bank.bank_id != setting.bank_id:
             raise ConfigError(

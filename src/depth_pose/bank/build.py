@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import eigsh
 from threadpoolctl import threadpool_limits
 
-from depth_pose.bank.bank import BANK_SCHEMES, Bank
+from depth_pose.bank.bank import Bank
+from depth_pose.bank.bank_file import BANK_SCHEMES, round_quats
 from depth_pose.bank.views import PoseViews, render_views
 from depth_pose.body.body import Body
 from depth_pose.core.errors import ConfigError
@@ -83,7 +84,7 @@ def build_bank(
         Address of a Dask scheduler; its workers render instead of processes of this machine.
     """
     # as they will be read back from the file, so that views and poses belong together exactly
-    quats = matrix_to_quat(rotations).astype(np.float32)
+    quats = round_quats(matrix_to_quat(rotations))
     poses = quat_to_matrix(quats.astype(np.float64))
     tasks = [
         (body, poses[i : i + POSES_PER_PART], i, config.views) for i in range(0, len(poses), POSES_PER_PART)
@@ -102,7 +103,7 @@ def build_bank(
         mean=subspace.mean,
         components=subspace.components,
         source={**source, "views": config.views, "explained_variance": round(subspace.explained, 4)},
-    )
+    ).rounded()
 
 
 def _gather_views(parts: Iterable[PoseViews], count: int, progress: Progress | None) -> PoseViews:

@@ -11,6 +11,7 @@ import typer
 from depth_pose.cli import shared
 from depth_pose.cli.console import console, errors, print_facts, progress_bar, say
 from depth_pose.core.errors import ConfigError
+from depth_pose.core.extras import require
 from depth_pose.core.outputs import check_targets
 from depth_pose.core.printable import printable
 
@@ -28,9 +29,7 @@ _MOST_FAMILIES = 12
 
 @app.command()
 def build(
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="The bank file.", show_default="the default bank")
-    ] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="The bank file.", show_default=False)],
     mocap: Annotated[
         Path | None,
         typer.Option(
@@ -76,7 +75,7 @@ def build(
 
     [bold]Examples:[/bold]
 
-    depth-pose bank build
+    depth-pose bank build -o new.npz
 
     depth-pose bank build --mocap captures/ --with-embedded -o my_bank.npz
 
@@ -84,28 +83,28 @@ def build(
 
     depth-pose run in.mcap -o out.mcap --bank my_bank.npz
     """
-    from depth_pose.bank import build_bank, default_bank_path
+    from depth_pose.bank import build_bank
     from depth_pose.bank.bodies import find_body_or_bank
     from depth_pose.bank.build import BuildConfig
 
     if with_embedded and mocap is None:
         raise ConfigError("--with-embedded needs --mocap")
-    path = output or default_bank_path()
     is_file = body not in ("embedded", "anny")
-    check_targets([path], [mocap, body if is_file else None])
+    check_targets([output], [mocap, body if is_file else None])
     chosen: dict[str, Any] = {"poses": poses, "seed": seed, "views": views}
     config = BuildConfig(**{name: value for name, value in chosen.items() if value is not None})
     start = time.monotonic()
     made = find_body_or_bank(body)
+    require("open3d", "a bank's views")
     sources = _gather(config, poses, mocap, with_embedded or mocap is None)
     source = {**sources.header, "body": body if body in ("embedded", "anny") else made.name}
     with progress_bar("rendering views", len(sources.poses)) as update:
         bank = build_bank(
             made, sources.poses.rotations, config, source, lambda done, _: update(done), workers, scheduler
         )
-    bank.save(path)
+    bank.save(output)
     _print_files(sources.reports)
-    _print_bank(path, bank)
+    _print_bank(output, bank)
     console.print(f"built in {time.monotonic() - start:.0f} s", style="dim", highlight=False)
 
 
@@ -173,12 +172,11 @@ def check(
     depth-pose bank check in.mcap -o matches.png --bank my_bank.npz --frames 10
     """
     from depth_pose.bank import Bank, default_bank_path
-    from depth_pose.bank.default import prepare_default_bank
     from depth_pose.evaluate.bank_check import match_frames, save_check
     from depth_pose.evaluate.pictures import check_picture
 
     check_picture(output, [recording, bank or default_bank_path()])
-    loaded = Bank.load(bank or prepare_default_bank())
+    loaded = Bank.load(bank or default_bank_path())
     with progress_bar("matching", frames) as update:
         matched = match_frames(loaded, recording, frames, candidates, depth_topic, update)
     save_check(matched, loaded, output, recording.stem)

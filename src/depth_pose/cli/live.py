@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import math
 import os
 from pathlib import Path
@@ -130,10 +129,6 @@ def up(
         source = call_ros("transport.find_depth", "find_depth", local)
         say(f"depth comes from {source}")
         parameters |= source.parameters
-    if bank is None and importlib.util.find_spec("rclpy") is not None:
-        from depth_pose.bank.default import prepare_default_bank
-
-        prepare_default_bank()  # with a progress bar; the nodes would refuse to start
     rules = [f"__ns:=/{namespace.strip('/')}/depth_pose"] if namespace is not None else []
     options = {"parameters": parameters, "remap": [*rules, *(remap or ())], "local": local}
     code = call_ros("process.supervisor", "up", params, sensor, bank, **options)

@@ -48,14 +48,13 @@ def run_room(
     rig = load_rig(rig_file)
     _check(rig, rig_file, recordings)
 
-    from depth_pose.bank import Bank
-    from depth_pose.bank.default import prepare_default_bank
+    from depth_pose.bank import Bank, default_bank_path
     from depth_pose.io.mcap_write import PartlyWritten
     from depth_pose.rooms.fusion import RoomFusion
     from depth_pose.rooms.offline import process_room
     from depth_pose.rooms.watching import Watch, watch_all
 
-    bank = bank or prepare_default_bank()
+    bank = bank or default_bank_path()
     watch = Watch(bank, config, depth_topic, images)
     with tempfile.TemporaryDirectory(prefix="depth_pose_") as folder:
         with progress_bar("each camera", 100 * len(recordings)) as update:

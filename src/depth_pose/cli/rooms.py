@@ -94,14 +94,14 @@ def calibrate(
     check_targets([output], [bank] if live else [*recordings, bank])
     check_picture(drawn, [] if live else recordings)
 
-    from depth_pose.bank.default import prepare_default_bank
+    from depth_pose.bank import default_bank_path
     from depth_pose.evaluate.room_picture import save_room_picture
     from depth_pose.rooms.calibration import RoomCalibration
     from depth_pose.rooms.calibration_record import RecordSetting
     from depth_pose.rooms.rigfile import save_rig
     from depth_pose.rooms.transform_tree import TransformTree, pose_matrix
 
-    setting = RecordSetting(str(bank or prepare_default_bank()), depth_topic, seconds)
+    setting = RecordSetting(str(bank or default_bank_path()), depth_topic, seconds)
     if live:
         if depth_topic is not None:
             raise ConfigError("--depth-topic is for recordings; with --live the arguments are topics")

@@ -236,13 +236,12 @@ def _run_one(
 
     reader = DepthReader(recording, depth_topic, images, tell=False)
 
-    from depth_pose.bank import Bank
-    from depth_pose.bank.default import prepare_default_bank
+    from depth_pose.bank import Bank, default_bank_path
     from depth_pose.offline import process_recording
     from depth_pose.passes import SecondPass
     from depth_pose.pipeline import PosePipeline
 
-    bank = bank or prepare_default_bank()
+    bank = bank or default_bank_path()
     with loading("the bank"):
         pipeline = PosePipeline(Bank.load(bank), config)
         pipeline.warm_up()
@@ -316,10 +315,9 @@ def _run_archive(
     check_targets([folder / REPORT, folder / SHEET], [bank])
 
     from depth_pose.archive.jobs import Setting
-    from depth_pose.bank import Bank
-    from depth_pose.bank.default import prepare_default_bank
+    from depth_pose.bank import Bank, default_bank_path
 
-    bank_id = Bank.load(bank or prepare_default_bank()).bank_id
+    bank_id = Bank.load(bank or default_bank_path()).bank_id
     setting = Setting(str(bank.resolve()) if bank else None, bank_id, config, depth_topic, images, passes)
     start = time.monotonic()
     with own_folder(folder):

@@ -9,6 +9,7 @@ import typer
 
 from depth_pose.cli.console import given, loading, print_facts, progress_bar, setting
 from depth_pose.core.errors import ConfigError
+from depth_pose.core.extras import require
 from depth_pose.core.outputs import check_targets
 from depth_pose.sim.config import MAX_CAMERAS, Person, Placement, Room
 
@@ -129,6 +130,7 @@ def simulate(
         raise ConfigError("--cameras goes with --room; without it there is one sensor")
     if clock_offset is not None and (cameras or 1) == 1:
         raise ConfigError("--clock-offset goes with --cameras 2 or more; a single clock has no offset")
+    require("open3d", "a simulated sensor")
     if room:
         unused = [*given(motion=motion, sensor=sensor), *chosen, *placed, *shell]
         if unused:

@@ -143,24 +143,22 @@ def recorded_source(
     if skeletons is not None:
         answer = answers_in_frames(read_recorded(skeletons, topic), placed)
         return RecordedSource(reader, answer, points, room)
-    from depth_pose.bank import Bank
-    from depth_pose.bank.default import prepare_default_bank
+    from depth_pose.bank import Bank, default_bank_path
     from depth_pose.pipeline import PosePipeline
 
-    bank = bank or prepare_default_bank()
+    bank = bank or default_bank_path()
     with loading("the bank"):
         pipeline = PosePipeline(Bank.load(bank))
         pipeline.warm_up()
     return RecordedSource(reader, lambda frame: pipeline.process_frame(frame).skeletons, points, room)
 
 
-def _bodies(bank: Path | None) -> MeshOf | None:
-    """Return the maker of fitted bodies; None without a bank."""
+def _bodies(bank: Path | None) -> MeshOf:
+    """Return the maker of fitted bodies."""
     from depth_pose.bank import default_bank_path
     from depth_pose.viewer.bodies import BodyMaker
 
-    path = bank or default_bank_path()
-    return BodyMaker(path) if bank is not None or path.is_file() else None
+    return BodyMaker(bank or default_bank_path())
 
 
 def print_address(host: str, port: int) -> None:

@@ -10,6 +10,7 @@ EXTRAS = {
     "anny": "anny",
     "distributed": "dask",
     "matplotlib": "pictures",
+    "open3d": "sim",
     "pandas": "pandas",
     "pygltflib": "gltf",
     "viser": "view",

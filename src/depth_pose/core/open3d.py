@@ -1,4 +1,7 @@
-"""Open3D, which casts rays: imported where a bank is built or a sensor is simulated, and nowhere else."""
+"""Open3D, which casts rays: imported where a bank is built or a sensor is simulated, and nowhere else.
+
+The extra ``sim`` installs it.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from contextlib import suppress
 from typing import Any
 
 from depth_pose.core.errors import ConfigError
+from depth_pose.core.extras import require
 
 
 def load_open3d() -> Any:
@@ -18,8 +22,9 @@ def load_open3d() -> Any:
     Raises
     ------
     ConfigError
-        Where it cannot be loaded; the message says what to install.
+        Where it is not installed or cannot be loaded; the message says what to install.
     """
+    require("open3d", "casting rays")
     with suppress(ImportError, OSError, TypeError):  # TypeError: a package without a library for this machine
         libusb = importlib.import_module("libusb_package").get_library_path()
         ctypes.CDLL(str(libusb), mode=ctypes.RTLD_GLOBAL)
