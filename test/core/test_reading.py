@@ -188,16 +188,17 @@ def test_a_command_says_one_line(tmp_path: Path) -> None:
     code = """
 import sys
 from depth_pose.cli import main
-for arguments in ("eval {} x.mcap", "bank info {}", "volume info {}", "bank build -o b.npz --body {}"):
-    sys.argv = ["depth-pose", *arguments.format(sys.argv[-1]).split()]
-    try:
-        main()
-    except SystemExit as end:
-        assert end.code in (1, 2), end.code
+for path in sys.argv[1:]:
+    for arguments in ("eval {} x.mcap", "bank info {}", "volume info {}", "bank build -o b.npz --body {}"):
+        sys.argv = ["depth-pose", *arguments.format(path).split()]
+        try:
+            main()
+        except SystemExit as end:
+            assert end.code in (1, 2), end.code
 """
-    for path in sorted(tmp_path.glob("*.npz")):
-        command = [sys.executable, "-c", code, str(path)]
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-        done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=environment)
-        assert done.returncode == 0, done.stderr
-        assert len(done.stderr.strip().splitlines()) == 4, done.stderr
+    paths = sorted(map(str, tmp_path.glob("*.npz")))
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "-c", code, *paths]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert len(done.stderr.strip().splitlines()) == 4 * len(paths), done.stderr

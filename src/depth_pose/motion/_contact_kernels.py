@@ -18,9 +18,9 @@ _CHEST, _PELVIS = _N["chest"], 0
 """Nodes of the trunk; the pelvis is the root."""
 
 _UPPER, _FORE, _HAND = 0.040, 0.032, 0.030
-"""Radii of the arm's capsules, metres: those of a 1.75 m body less a centimetre that skin gives way."""
+"""Radii of the arm's capsules (m): those of a 1.75 m body, minus 1 cm for soft tissue."""
 _THIGH, _SHANK, _FOOT = 0.065, 0.045, 0.035
-"""Radii of the leg's capsules, metres, as the arm's."""
+"""Radii of the leg's capsules (m), reduced as the arm's."""
 _TRUNK = np.array(
     [
         (_N["pelvis"], -0.03, -0.01, 0.062, 0.100),
@@ -38,13 +38,14 @@ Set by hand inside the embedded body's surface (`tools/body/anatomy.py`).
 _OBSTACLES = len(_TRUNK) + 4
 """The trunk's capsules, two thighs and two shanks."""
 _TOUCH = 1e-4
-"""Depth from which a contact is pushed apart, metres."""
+"""Minimum penetration that is corrected (m)."""
 _SLACK = 0.001
-"""Pushed limbs end so far apart, metres."""
+"""Clearance between limbs after separation (m)."""
 _OVERLAP = 0.012
-"""Arms of the two sides may enter each other so far, metres. Set by hand."""
+"""Maximum overlap of the two arms (m). Set by hand."""
 _FAR_INSIDE = 0.08
-"""Depth from which an arm goes out to its own side rather than the nearest way, metres. Set by hand."""
+"""Penetration (m) above which an arm is moved to its own side instead of the shortest way out. Set by
+hand."""
 
 
 @njit(cache=True)
@@ -181,7 +182,7 @@ def _push_arm(
     mine: Array,
     other: Array,
 ) -> float:
-    """One correction of one arm by its deepest contact; returns that depth."""
+    """Correct one arm by its deepest contact; return that depth."""
     point, normal = np.empty(3), np.empty(3)
     best_point, best_normal = np.empty(3), np.empty(3)
     deepest = 0.0
@@ -207,8 +208,8 @@ def _push_arm(
                 _copy(point, best_point)
                 _copy(normal, best_normal)
     if deepest > _TOUCH:
-        # The deeper an arm is inside, the less the nearest way out says about where it came from, and
-        # the more it goes out to its own side: else a swinging hand jumps from front to back.
+        # A deep arm is moved to its own side: the shortest way out no longer tells where it came from, and a
+        # swinging hand would jump from front to back.
         outward = min(deepest / _FAR_INSIDE, 1.0) * (0.8 if side == 0 else -0.8)
         for k in range(3):
             best_normal[k] += outward * rotations[_CHEST, k, 0]
@@ -221,7 +222,7 @@ def _push_arm(
 
 @njit(cache=True)
 def _push_legs(rotations: Array, at: Array) -> float:
-    """One correction of both legs by their deepest contact with each other."""
+    """Correct both legs by their deepest contact with each other."""
     point, normal = np.empty(3), np.empty(3)
     best_point, best_normal = np.empty(3), np.empty(3)
     deepest = 0.0
@@ -229,7 +230,7 @@ def _push_legs(rotations: Array, at: Array) -> float:
     radii = (_THIGH - 0.01, _SHANK, _FOOT)
     for i in range(3):
         for j in range(3):
-            # Of the thighs the lower halves count.
+            # Only the lower halves of the thighs are tested.
             for k in range(3):
                 a[k] = 0.5 * (at[_LEGS[0, 0], k] + at[_LEGS[0, 1], k]) if i == 0 else at[_LEGS[0, i], k]
                 c[k] = 0.5 * (at[_LEGS[1, 0], k] + at[_LEGS[1, 1], k]) if j == 0 else at[_LEGS[1, j], k]

@@ -147,7 +147,7 @@ def _root_line(words: list[str], skeleton: _Skeleton) -> None:
         if len(words) != 7 or set(skeleton.root_order) != {"tx", "ty", "tz", "rx", "ry", "rz"}:
             raise ValueError("the root's order is to name tx, ty, tz, rx, ry, rz")
     elif words[0].lower() == "orientation" and any(float(w) for w in words[1:4]):
-        # Every frame gives the root's own; a rest pose that is turned besides is not in use.
+        # Every frame stores the root's orientation; files with a rotated rest pose besides are not in use.
         raise ValueError("a root orientation other than zero is not supported")
 
 
@@ -165,7 +165,7 @@ def _bone_line(words: list[str], bone: _Bone, degrees: bool) -> None:
 
 
 def _compose(order: str, values: Array, degrees: bool) -> Array:
-    """Rotation that turns about the axes in their order, each fixed: the last letter leftmost."""
+    """Return the rotation about fixed axes in the given order: the last letter is the leftmost factor."""
     out = np.broadcast_to(np.eye(3), (len(values), 3, 3))
     for i, axis in enumerate(order):
         out = _TURN[axis](np.radians(values[:, i]) if degrees else values[:, i]) @ out

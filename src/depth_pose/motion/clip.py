@@ -68,7 +68,7 @@ class PoseSet:
     rotations : (N, 21, 3, 3) float64
         Segment rotations, rest pose to model frame.
     families : tuple of str
-        What each pose belongs to (the name of its motion), for reports.
+        Name of the motion that each pose comes from, for reports.
     """
 
     rotations: Array
@@ -132,7 +132,7 @@ def mirror_joints(joints: Array) -> Array:
 
 
 def _principal_rows(joints: Array) -> tuple[NDArray[np.float32], Array, Array]:
-    """Turn joints into rows whose first columns vary most, so that distances can stop early.
+    """Rotate joints into rows whose first columns vary most, so that sums of squares can stop early.
 
     The rotation keeps distances; the rows are scaled so that they are RMS joint distances.
     """
@@ -144,7 +144,7 @@ def _principal_rows(joints: Array) -> tuple[NDArray[np.float32], Array, Array]:
 
 
 def remove_near_duplicates(poses: PoseSet, distance_m: float) -> PoseSet:
-    """Drop every pose that lies near one that was kept before it.
+    """Drop every pose that is close to one kept before.
 
     Parameters
     ----------

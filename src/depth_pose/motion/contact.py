@@ -56,9 +56,9 @@ _KNEECAP_M = 0.06
 _SEAT_M = (-0.10, -0.06)
 """Seat below and behind the pelvis' joint, metres."""
 _SOFTNESS_M = 0.008
-"""Points within about this height of the lowest one share the hold on the floor. Set by hand."""
+"""Points within about this height (m) of the lowest one share the ground contact. Set by hand."""
 _IN_THE_AIR_M = 0.02
-"""Lift from which nothing holds the body on the floor, metres. Set by hand."""
+"""Height of the lowest point (m) above which there is no ground contact. Set by hand."""
 
 
 def _support_points() -> tuple[tuple[int, ...], Array]:
@@ -125,7 +125,7 @@ def walk_on_floor(rotations: Array, lift: Array) -> Array:
     step = np.diff(points, axis=0)
     hold = hold[:-1] * hold[1:]
     moved = -np.sum(hold[..., None] * step, axis=1) / np.sum(hold, axis=1)[..., None]
-    # In the air nothing holds the body: it keeps what it had.
+    # In the air the body keeps its horizontal velocity.
     grounded = np.clip(1.0 - lift[1:] / _IN_THE_AIR_M, 0.0, 1.0)
     velocity = moved[:, [0, 2]]
     for t in range(1, len(velocity)):

@@ -24,18 +24,18 @@ _MOST_FPS = 30.0
 """Faster recordings are thinned to at most this rate. Set by hand."""
 
 _TOO_FAR_DEG = 45.0
-"""Frames with a joint farther beyond its limit are left out, degrees. Set by hand; not swept."""
+"""Maximum violation of a joint limit (degrees); frames beyond it are dropped. Set by hand; not swept."""
 
 _CALIBRATION_M = 0.08
-"""Mean step of the joints from a lone first pose to the next, metres, from which it is left out."""
+"""Mean joint displacement (m) to the second frame above which the first is dropped as a lone pose."""
 
 _CALIBRATION_RATIO = 5.0
-"""Minimum ratio of such a step to the one after it. Both set by hand; not swept."""
+"""Minimum ratio of that displacement to the next one. Both set by hand; not swept."""
 
 
 @dataclass(frozen=True)
 class FileReport:
-    """What one file gave.
+    """Result of reading one file.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class FileReport:
 
 
 _BAD_FILE = (InputError, ValueError, LookupError, TypeError, ArithmeticError, OSError)
-"""What one bad file may raise; it must not end the reading of the others."""
+"""Exceptions that a bad file may raise; the others are still read."""
 
 
 @dataclass(frozen=True)
@@ -171,10 +171,10 @@ def _load_file(file: Path) -> tuple[Clip, FileReport]:
     if first:
         notes.append("first frame is a calibration pose, left out")
     if not possible.all():
-        notes.append(f"{int((~possible).sum())} frames beyond what joints can do, left out")
+        notes.append(f"{int((~possible).sum())} frames beyond the joint limits, left out")
     if not possible.any():
         raise InputError(
-            f"{file}: no frame within what joints can do (beyond by {_TOO_FAR_DEG:.0f} degrees or more)"
+            f"{file}: no frame within the joint limits (all exceed them by over {_TOO_FAR_DEG:.0f} degrees)"
         )
     clip = _rows(moved.clip, kept[possible], moved.clip.fps / stride)
     return clip, FileReport(
@@ -187,7 +187,7 @@ def _rows(clip: Clip, rows: NDArray[np.int64], fps: float) -> Clip:
 
 
 def _skip_calibration(moved: Retargeted) -> int:
-    """1 if the first frame is a lone pose before the motion (many libraries store a T pose there)."""
+    """Return 1 if the first frame is a lone pose before the motion (many libraries store a T pose there)."""
     if len(moved.clip) < 3:
         return 0
     nodes = moved.clip.nodes() - moved.clip.roots[:, None]

@@ -1,10 +1,9 @@
 """Retarget recorded motion to the project's skeleton by the directions of its bones.
 
-Every limb segment takes the direction of the recorded one, so that hands and feet are
-where the motion puts them but for the bones' lengths, which stay the body's own. The turn about
-a limb comes from the plane of elbow or knee where it is bent, else from the recorded rotation.
-Trunk, head, clavicles and feet take the recorded rotations, against a rest pose that stands
-upright.
+Every limb segment takes the direction of the recorded one, so that hands and feet are placed as recorded, up
+to the bone lengths, which stay the body's own. The twist of a limb comes from the plane of the bent elbow or
+knee, else from the recorded rotation. Trunk, head, clavicles and feet take the recorded rotations, against a
+rest pose that stands upright.
 """
 
 from __future__ import annotations
@@ -29,27 +28,30 @@ Array = NDArray[np.float64]
 _FLIP = np.array([-1.0, 1.0, 1.0])
 """Turns points of the right side into those of the left."""
 _BENT_DEG = (12.0, 35.0)
-"""Flexion from which the hinge's plane begins to count, and counts alone, degrees. Set by hand; not swept."""
+"""Flexions (degrees) between which the weight of the hinge's plane rises from 0 to 1. Set by hand; not
+swept."""
 _STRAIGHT_DEG = (170.0, 178.0)
-"""Flexion from which a folded limb's plane counts less, and no more, degrees. Set by hand."""
+"""Flexions (degrees) between which the weight of a folded limb's plane falls from 1 to 0. Set by hand."""
 _BACKWARD_DEG = 110.0
-"""A hinge turned farther than this is noise of a straight limb, or a loose marker, degrees. Set by hand."""
+"""Maximum twist to the hinge's plane (degrees): more is noise of a straight limb or a loose marker. Set by
+hand."""
 _SPINE_PART = (0.324, 0.824)
-"""Our spine segment's stretch of the way from the pelvis to the height of the shoulders (`rest_nodes`)."""
+"""Interval of our spine segment between the pelvis (0) and the height of the shoulders (1) (`rest_nodes`)."""
 _NECK_PART = (0.63, 1.0)
-"""Our neck segment's stretch of the way from the chest to the head (`rest_nodes`)."""
+"""Interval of our neck segment between the chest (0) and the head (1) (`rest_nodes`)."""
 _LEG_M = 0.83
-"""Hip to ankle of an adult, metres: the file's unit is the one that comes nearest."""
+"""Distance from hip to ankle of an adult (m), from which a file's unit is inferred."""
 _SNAP_DEG = 35.0
-"""A rest pose's axis that lies so near to a coordinate axis is that one, degrees. Set by hand."""
+"""Maximum angle (degrees) at which an axis of a rest pose snaps to a coordinate axis. Set by hand."""
 _SHORTEST_LIMB = 0.2
 """Minimum ratio of the shortest to the longest part of a limb in a human skeleton. Set by hand."""
 _LEAST_UPRIGHT = 0.2
-"""Least median height of the trunk's unit vector: a motion below it is never upright. Set by hand."""
+"""Minimum median vertical component of the trunk's direction; below it, a motion is never upright. Set by
+hand."""
 _FLAT_DEG = 30.0
-"""Feet of rest poses this close in direction both stand flat, degrees. Set by hand."""
+"""Maximum angle (degrees) between two rest poses' feet if both stand flat. Set by hand."""
 _NO_LIFT_M = 0.03
-"""Feet that rise less above the lowest 5 % stand on the floor, metres: markers' noise. Set by hand."""
+"""Maximum height (m) of a standing foot above its lowest 5 %: the markers' noise. Set by hand."""
 _UNITS = {"metres": 1.0, "centimetres": 0.01, "inches": 0.0254, "millimetres": 0.001}
 """Metres in each unit that a file may be in."""
 
@@ -101,11 +103,11 @@ def retarget(source: SourceMotion) -> Retargeted:
     up = rotations[:, 2, 1, 1]
     if np.median(up) < _LEAST_UPRIGHT:
         raise InputError(
-            f"{source.name}: the trunk is hardly ever upright; is another axis than the rest pose's up?"
+            f"{source.name}: the trunk is hardly ever upright; do motion and rest pose have the same up axis?"
         )
     roots = _roots(rotations, place, joint, (THIGH_M + SHANK_M) / leg)
     clip = Clip(source.name, source.fps, rotations, roots)
-    own = np.swapaxes(rotations[:, :1], -1, -2) @ rotations  # against the pelvis: who lies is not bent
+    own = np.swapaxes(rotations[:, :1], -1, -2) @ rotations  # a lying person is not bent
     return Retargeted(clip, unit, violation(angles_from_rotations(own)).max(axis=-1))
 
 
@@ -187,9 +189,9 @@ def _piece(
     top: float,
     part: tuple[float, float],
 ) -> Array:
-    """Rotation of a piece of the trunk: the mean of the recorded segments beside it, by length.
+    """Return the rotation of a part of the trunk: the mean of the recorded segments beside it, by length.
 
-    ``part`` is the piece's stretch of the way from the first of ``ends`` up to the height ``top``.
+    ``part`` is its interval between the first of ``ends`` (0) and the height ``top`` (1).
     """
     chain = [ends[0], *joints_between(source, *ends), ends[1]]
     starts = (height[chain] - height[ends[0]]) / (top - height[ends[0]])
@@ -208,7 +210,7 @@ def _aimed(rest_direction: Array, turn: Array, direction: Array) -> Array:
 
 
 def _hinged(first: Array, second: Array, sign: float) -> Array:
-    """Turn a limb's first segment so that its hinge (x) lies across the plane of both.
+    """Twist a limb's first segment so that its hinge (x) is perpendicular to the plane of both.
 
     ``sign`` is -1 for an elbow (folds about -x) and 1 for a knee. Nearly straight limbs keep
     the twist that they have.
@@ -271,7 +273,7 @@ def _level(direction: Array) -> Array:
 
 
 def _roots(rotations: Array, place: Array, joint: dict[str, int], scale: float) -> Array:
-    """Pelvis: the recorded path by the ratio of leg lengths, feet on the floor or as far above it."""
+    """Return the pelvis' path: the recorded one, scaled to our legs, with the feet as high as recorded."""
     feet = [joint[n] for n in ("left_ankle", "right_ankle", "left_toe", "right_toe") if n in joint]
     lowest = scale * place[:, feet, 1].min(axis=1)
     lift = np.maximum(lowest - np.percentile(lowest, 5) - _NO_LIFT_M, 0.0)

@@ -11,7 +11,7 @@ from depth_pose.core._camera_kernels import project
 from depth_pose.core.kernels import njit
 
 OUTSIDE = -1
-"""Entry of the tables where a camera does not see a voxel: it is ignored there."""
+"""Table entry where a camera does not see a voxel; the camera is ignored there."""
 
 
 NEAR_M = 0.05

@@ -43,7 +43,7 @@ class TrackConfig(Checked):
     stature: float = option(
         0.0, "The person's height; 0: estimated over the first frames", unit="m", low=0.0, high=2.5
     )
-    stature_frames: int = option(60, "Frames over which the height is found", low=1, high=1000)
+    stature_frames: int = option(60, "Number of frames used to estimate the height", low=1, high=1000)
     lost_after: int = option(5, "Unlikely frames in a row after which the search is global", low=1, high=1000)
     refine: bool = option(True, "Fit a body to the volume, from the regressed pose")
     seed: int = option(0, "Seed of the particles' random numbers", low=0, high=2**31 - 1)
@@ -61,7 +61,7 @@ class VolumeFitConfig(Checked):
         high=1.0,
     )
     outlier: float = option(
-        0.3, "Weight u of the outlier class beside a vertex at no distance", low=0.0, high=10.0
+        0.3, "Weight u of the outlier class, relative to a vertex at distance 0", low=0.0, high=10.0
     )
     plane_weight: float = option(1.0, "Weight of distances along the skin's normal", low=0.0, high=100.0)
     point_weight: float = option(0.3, "Weight of distances in all directions", low=0.0, high=100.0)
@@ -84,7 +84,7 @@ class ViewsConfig(Checked):
     """Grouping of images of several cameras to sets of views of one time."""
 
     tolerance: float = option(
-        0.004, "Stamps that differ by at most this are of one set of views", unit="s", low=0.0, high=1.0
+        0.004, "Maximum difference of stamps within one set of views", unit="s", low=0.0, high=1.0
     )
     patience: float = option(
         0.012, "Live: how long a set waits for a late camera", unit="s", low=0.0, high=10.0

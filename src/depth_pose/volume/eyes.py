@@ -20,7 +20,8 @@ from depth_pose.volume.hull import LEAST_VIEWS, HullCarver, SurfaceVoxels, Volum
 from depth_pose.volume.synchroniser import ViewSet
 
 _SLIVER = 0.3
-"""A depth camera whose surface is less than this share of the largest one's shows too little. Set by hand."""
+"""Minimum surface seen by a depth camera, as a share of the largest one's; below it, the camera is ignored.
+Set by hand."""
 
 
 class HullEyes:

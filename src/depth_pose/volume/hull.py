@@ -127,8 +127,8 @@ class HullCarver:
         Parameters
         ----------
         silhouettes : sequence of (H, W) arrays or None
-            One per camera, in their order, nonzero on the person. None if the camera brought
-            nothing; it is then ignored. An empty silhouette means that there is nobody.
+            One per camera, in their order, nonzero on the person. None without an image: the camera is then
+            ignored. An empty silhouette means that there is nobody.
 
         Raises
         ------

@@ -43,10 +43,11 @@ from depth_pose.volume.tracker import UNLIKELY, LatentTracker, Tracked, describe
 Array = NDArray[np.float64]
 
 _one_thread = ThreadpoolController().wrap(limits=1)
-"""As in `depth_pose.pipeline`: small systems are no faster on more, and the order of sums is fixed."""
+"""Threads for linear algebra, as in `depth_pose.pipeline`: small systems gain nothing from more, and the
+order of sums stays fixed."""
 
 LEAST_SURFACE_M2 = 0.06
-"""Smaller surfaces are not people, m2: 150 voxels of 2 cm; a person has 3,000. Set by hand."""
+"""Minimum surface of a person (m^2): 150 voxels of 2 cm; a person has 3,000. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -162,7 +163,7 @@ class VolumePoseTracker:
         return (stamp_ns - last) * 1e-9
 
     def _forget(self) -> None:
-        """Forget the person: the next one is another."""
+        """Forget the person, before another one enters."""
         self._tracker.reset()
         self._size.reset()
         self._person += 1

@@ -88,7 +88,7 @@ class ViewReader:
             )
 
     def _read(self) -> Iterator[ViewSet]:
-        """Yield the sets, each after the time that late cameras are waited for, by newer images."""
+        """Yield each set once newer images are later than the time limit for late cameras."""
         held, hold_ns, now = (
             Synchroniser(len(self._rig.topics), self._config),
             self._config.gone_after * 1e9,

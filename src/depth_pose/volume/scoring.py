@@ -76,7 +76,7 @@ def joint_positions(rotations: Array, stature: float = ADULT_STATURE_M) -> Array
 
 
 def mean_rotations(rotations: Array) -> Array:
-    """Rotation nearest to all of (N, 21, 3, 3), node by node, (21, 3, 3)."""
+    """Compute the mean rotation of (N, 21, 3, 3), node by node, (21, 3, 3)."""
     return nearest_rotation(rotations.mean(axis=0))
 
 

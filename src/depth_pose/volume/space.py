@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _ISOTROPIC, _UNKNOWN = 0.15, 0.5
-"""Weight of uncorrelated noise beside the wearers', in units of the mean variance between poses; more of
-it where few wearers are known, by one over their number's square. Chosen like the defaults of
+"""Weight of uncorrelated noise relative to the wearers', in units of the mean variance between poses, and its
+addition for few wearers, scaled by 1/n^2 for n known wearers. Chosen like the defaults of
 `depth_pose.volume.config`."""
 
 

@@ -22,11 +22,11 @@ _NEAR_M = 0.08
 _HEADING_STRIDE = 4
 """Step between the fine headings tried."""
 _SEARCH_FRAMES = 8
-"""Number of frames that search; in later ones the height follows the fits."""
+"""Number of frames in which heights are searched; later, the height follows the fits."""
 _GAIN = 12.0
-"""Frames' worth of steps toward the fits' factor: frame n counts for this over n."""
+"""Step toward the fits' factor: frame n has the weight of this over n."""
 _MOST_STEP = 0.5
-"""Largest share of the fits' factor that one frame takes."""
+"""Maximum weight of one frame's factor."""
 _FACTORS = (0.9, 1.1)
 """A fit with a larger factor than this has failed."""
 

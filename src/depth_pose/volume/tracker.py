@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 
 # Numbers without a source were chosen like the defaults of `depth_pose.volume.config`.
 TEMPERATURE = 12.0
-"""T, squared distance in the descriptor space: its noise is correlated over the bins, so more than 1."""
+"""Temperature T (squared distance in the descriptor space): above 1, as noise is correlated over the bins."""
 LATENT_NU, LATENT_W = 0.02, 0.5
 """The paper's nu (squared latent distance), and w as a share of the prior variance; it names no values."""
 _AZIMUTH_SIGMA = np.radians(40.0)
@@ -46,7 +46,7 @@ _AZIMUTH_SIGMA = np.radians(40.0)
 _MOST_STEPS = 4.0
 """Longest prediction, frames of the training: after a gap the dynamics are uninformative."""
 _LEAST_USUAL = 50.0
-"""Squared distance of wearers from their mean: too small if estimated from few; five give about this."""
+"""Minimum squared distance of wearers from their mean, about that of five: few give too small an estimate."""
 _CLEARLY_BETTER = 0.7
 """A search is accepted if its misfit is below this share of the tracked one's."""
 UNLIKELY = 4.0

@@ -53,7 +53,7 @@ def hang(draw: Draw) -> Array:
 
 
 def hang_away(draw: Draw) -> Array:
-    """Hold the arm a little off the body, as a gymnast or a wary person."""
+    """Hold the arm slightly away from the body, as a gymnast does."""
     return _angles(draw, (4, 20), (32, 13), (15, 22), (35, 22))
 
 
@@ -154,21 +154,21 @@ EVERYDAY: tuple[tuple[Sampler, float], ...] = (
     (point_anywhere, 1.0),
     (reach, 3.0),
 )
-"""What a free arm does, and how often."""
+"""Postures of a free arm, with their weights."""
 
 
 def free_arm(draw: Draw) -> Array:
-    """Do anything that an arm does, (..., 9)."""
+    """Sample any posture of one arm, (..., 9)."""
     return draw.mix([s for s, _ in EVERYDAY], [w for _, w in EVERYDAY], 9)
 
 
 def low_arm(draw: Draw) -> Array:
-    """Hang or stay below the shoulder, (..., 9)."""
+    """Sample a posture below the shoulder, (..., 9)."""
     return draw.mix([hang, hang_away, ready, before_belly, on_hip], [4, 3, 3, 1, 1], 9)
 
 
 def both(sampler: Sampler, alike: float = 0.5) -> Sampler:
-    """Make a sampler of two arms, (..., 18), that do alike with some probability."""
+    """Make a sampler of two arms, (..., 18), which are mirrored with some probability."""
 
     def sample(draw: Draw) -> Array:
         left, right = sampler(draw), sampler(draw)
@@ -190,9 +190,9 @@ def together(draw: Draw) -> Array:
 
 
 _HALF_SHOULDERS = np.array([0.175, 0.0, 0.0])
-"""From the middle to the left shoulder, metres: `rest_nodes` at 1.75 m."""
+"""Vector from the middle to the left shoulder (m): `rest_nodes` at 1.75 m."""
 _FLIP = np.array([-1.0, 1.0, 1.0])
-"""Mirrors a place: it exchanges left and right."""
+"""Factor that mirrors a position left to right."""
 
 
 def folded(draw: Draw) -> Array:
@@ -202,6 +202,6 @@ def folded(draw: Draw) -> Array:
 
 
 def free_arms(draw: Draw) -> Array:
-    """Do anything with both arms: apart, alike or together, (..., 18)."""
+    """Sample arm angles, (..., 18): independent, mirrored or coupled."""
     options = [both(free_arm, 0.45), both(reach, 0.3), together, folded, both(low_arm, 0.5)]
     return draw.mix(options, [5.0, 1.6, 2.6, 0.5, 2.5], 18)

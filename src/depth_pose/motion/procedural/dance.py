@@ -56,7 +56,7 @@ def _trunk(bow: float, side: float, twist: float, heading: float) -> Key:
 
 
 _STAND = ((4.0, 6.0, 8.0), (4.0, 6.0, 8.0))
-"""Both legs of somebody who stands, degrees: what `_legs` takes. Set by hand."""
+"""Leg angles of a standing person (degrees), as arguments of `_legs`. Set by hand."""
 
 # lively: steps aside, swings of both arms, arms overhead, a knee raised
 _SWING: tuple[Key, ...] = (
@@ -99,7 +99,7 @@ class Dance:
 
     @property
     def seconds(self) -> float:
-        """How long the dance takes once."""
+        """Duration of one pass of the dance (s)."""
         return self.beat_s * len(self.keys)
 
     def posture(self, beats: Array) -> Array:
@@ -151,14 +151,14 @@ _RANGE = 0.06
 
 
 def perform(dance: str, seed: int, seconds: float, fps: float = 30.0, start_beat: float = 0.0) -> Clip:
-    """Perform a dance once more.
+    """Generate a performance of a dance.
 
     Parameters
     ----------
     dance : str
         A name of `DANCES`.
     seed : int
-        Of the performance: equal seeds give equal performances.
+        Equal seeds give equal performances.
     seconds : float
         How long; the dance is repeated where it is shorter.
     fps : float

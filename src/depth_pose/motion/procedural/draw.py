@@ -59,7 +59,7 @@ class Draw:
         return m + s * self.rng.uniform(-1, 1, self.shape + m.shape)
 
     def mix(self, options: Sequence[Callable[[Draw], Array]], weights: Sequence[float], width: int) -> Array:
-        """Draw which of several samplers makes each value, (..., width)."""
+        """Draw each value from one of several samplers, chosen at random, (..., width)."""
         p = np.asarray(weights, dtype=np.float64)
         which = self.rng.choice(len(options), size=self.shape, p=p / p.sum())
         out = np.zeros((*self.shape, width))

@@ -12,7 +12,7 @@ from depth_pose.motion.procedural.parts import Family
 
 @dataclass(frozen=True)
 class Entry:
-    """A family and its part in a set of poses.
+    """A family and its share in a set of poses.
 
     Attributes
     ----------

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 def _action(
     t: Array, draw: Draw, table: tables.Table, seconds: tuple[float, float], rest_s: float = 0.5
 ) -> tuple[Array, Array]:
-    """Play an action again and again with its own size; returns angles and phase."""
+    """Repeat an action with a random amplitude; return angles and phase."""
     length = draw.uniform(*seconds)
     period = length + rest_s
     phase = np.clip(((t / period + draw.uniform(0, 1)) % 1.0) * period / length, 0.0, 1.0)
@@ -27,7 +27,7 @@ def _action(
     size = np.repeat(draw.uniform(0.65, 1.15)[..., None], angles.shape[-1], axis=-1)
     size[..., ARM[0].start : ARM[1].stop] = draw.uniform(0.7, 1.15)[..., None]
     out = angles * size + 0.6 * _widen(draw)
-    # A smaller or larger share of the stance that the table begins with.
+    # The amplitude scales all angles, and so the first key's stance as well.
     out[..., TRUNK] += 0.5 * looks_around(t, draw, 14, 8)
     return out, phase
 

@@ -38,7 +38,7 @@ POOL_PER_POSE = 5.0
 """Poses made for each one chosen. Set by hand; benchmarks/banks.py coverage measures the result."""
 
 APART_SHARE = 0.5
-"""Part of a set chosen to lie far apart; the rest follows the families' shares.
+"""Share of a set that is chosen for coverage; the rest follows the families' shares.
 
 Chosen with ``benchmarks/banks.py coverage`` in view, as were the families' shares and weights.
 """
@@ -52,23 +52,22 @@ POSTURE_SHARES: dict[str, float] = {
     "bend": 0.8,
     "crawl": 0.5,
 }
-"""Part of each everyday posture in the pool, beside the families' shares. Set by hand, not swept; with them
-and 10,000 poses the development clips came to 23.8 mm, without them and 8,000 to 25.4."""
+"""Share of each everyday posture in the pool, beside the families' shares. Set by hand; not swept."""
 
 STAY_WITHIN_M = 1.0
-"""How far a clip's path goes from its middle; a runner needs a treadmill to stay in view."""
+"""Maximum distance of a clip's path from its middle (m), so that a runner stays in view."""
 
 _TOO_DEEP_M = 0.03
 """Maximum depth of a limb inside the body, metres; deeper poses are dropped. Set by hand; not swept."""
 
 _TOO_STRAINED_DEG = 15.0
-"""Poses with a joint farther beyond its limit are left out, degrees. Set by hand; not swept."""
+"""Maximum violation of a joint limit (degrees); poses beyond it are dropped. Set by hand; not swept."""
 
 _SMOOTH_S = (0.06, 0.04, 0.025)
 """Widths of the Gaussians that smooth a clip one after the other, seconds. Set by hand; not swept."""
 
 _SLOW_S = 0.8
-"""Width of the Gaussian that takes a path's slow part, seconds: longer than a stride. Set by hand."""
+"""Width (s) of the Gaussian that separates a path's slow part: longer than a stride. Set by hand."""
 
 
 def make_clip(name: str, fps: float = 30.0, seconds: float = 10.0, seed: int = 0) -> Clip:
@@ -105,7 +104,7 @@ def make_clip(name: str, fps: float = 30.0, seconds: float = 10.0, seed: int = 0
 
 
 def clip_from_motion(name: str, motion: Motion, fps: float) -> Clip:
-    """Make a clip of postures in time: through the gates, smooth, feet on the floor."""
+    """Make a clip of postures over time: within all limits, smooth, feet on the floor."""
     rotations = bring_through_gates(motion.angles).rotations
     # Pushed limbs and clamped joints start and stop suddenly; people do not. Smoothing moves
     # limbs into the body again, less each time.
@@ -116,12 +115,12 @@ def clip_from_motion(name: str, motion: Motion, fps: float) -> Clip:
 
 
 def smooth_rotations(rotations: Array, sigma_frames: float) -> Array:
-    """Smooth rotations in time by a Gaussian, (T, ..., 3, 3); the result are rotations again."""
+    """Smooth rotations in time by a Gaussian, (T, ..., 3, 3); the results are rotations."""
     return nearest_rotation(gaussian_filter1d(rotations, sigma_frames, axis=0, mode="nearest"))
 
 
 def _stay_near(roots: Array, fps: float) -> Array:
-    """Keep a path within `STAY_WITHIN_M` of its middle, as a treadmill does, by its slow part."""
+    """Keep a path within `STAY_WITHIN_M` of its middle by removing its slow part, like a treadmill."""
     level = roots[:, [0, 2]]
     slow = gaussian_filter1d(level, _SLOW_S * fps, axis=0, mode="nearest")
     middle = (slow.max(axis=0) + slow.min(axis=0)) / 2
@@ -154,7 +153,7 @@ def make_pool(count: int, seed: int, progress: Progress | None = None) -> PoseSe
 
 
 def _of_family(name: str, per_share: float, seed: int) -> PoseSet:
-    """Make one family's part of a pool; poses that do not pass the gates are left out."""
+    """Make a pool's poses of one family; poses that fail the checks are dropped."""
     n = max(round(per_share * FAMILIES[name].share), 1)
     draw = Draw(np.random.default_rng([seed, crc32(name.encode())]), (n,))
     motion = FAMILIES[name].motion(draw.uniform(0.0, 20.0), draw)
@@ -166,9 +165,9 @@ def _of_family(name: str, per_share: float, seed: int) -> PoseSet:
 
 
 def _of_posture(name: str, per_share: float, seed: int) -> PoseSet:
-    """Make one posture's part of a pool.
+    """Make a pool's poses of one posture.
 
-    Those who lie are not laid down: exemplars are matched in the axes of their own cloud.
+    Lying postures stay upright: exemplars are matched in the axes of their own cloud.
     """
     rng = np.random.default_rng([seed, crc32(name.encode())])
     angles = sample_postures(name, rng, max(round(per_share * POSTURE_SHARES[name]), 1)).angles
@@ -176,7 +175,7 @@ def _of_posture(name: str, per_share: float, seed: int) -> PoseSet:
 
 
 def _choose(pool: PoseSet, count: int, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Choose rows: the far-apart ones first, then at random, so that common motions are dense."""
+    """Choose rows: first for coverage, then at random, so that common motions are dense."""
     weights = np.array([FAMILIES[f].weight if f in FAMILIES else 1.0 for f in pool.families])
     apart = choose_for_coverage(pool, round(count * APART_SHARE), weights, mirrored=True)
     others = np.setdiff1d(np.arange(len(pool)), apart)

@@ -19,26 +19,26 @@ from depth_pose.motion.reach import leg_to_target
 Array = NDArray[np.float64]
 
 LOWER = 3 + 12 + 14
-"""Width of a lower-body posture: pelvis, spine to head, both legs."""
+"""Number of angles of a lower-body posture: pelvis, spine to head, both legs."""
 
 _AT = rest_nodes() * ADULT_STATURE_M
 """Nodes at rest of the 1.75 m body, (21, 3), metres."""
 _HIP = _AT[NODE_INDEX["left_hip"]] - _AT[0]
 """From the pelvis to the left hip, metres."""
 _ANKLE_M = float(_AT[NODE_INDEX["left_ankle"], 1])
-"""Height of the ankles of somebody who stands."""
+"""Height of a standing person's ankles (m)."""
 STANDING_M = float(_AT[0, 1])
 """Height of the pelvis at rest, metres."""
 _BALL_M = 0.14
-"""Ankle to the ball of the foot, on which a raised heel turns, metres."""
+"""Vector from the ankle to the ball of the foot, the pivot of a raised heel (m)."""
 _FLIP = np.array([-1.0, 1.0, 1.0])
-"""Mirrors a place: it exchanges left and right."""
+"""Factor that mirrors a position left to right."""
 
 
 def lower_body(
     pelvis: Array, height: Array, left: Array, right: Array, toe_out: Array, pitch: Array, lean: Array
 ) -> Array:
-    """Posture from the places of pelvis and feet.
+    """Compute the posture for given positions of the pelvis and the feet.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ def still(angles: Array) -> Motion:
 
 
 def looks_around(t: Array, draw: Draw, twist: float = 22.0, lean: float = 7.0) -> Array:
-    """Head and trunk moving a little on their own, (T, 15)."""
+    """Draw small independent motion of head and trunk, (T, 15)."""
     out = np.zeros((*t.shape, 15))
     look, nod, tilt = draw.normal(0, twist), draw.normal(-2, 9), draw.normal(0, 5)
     turn, side, bow = draw.normal(0, 0.55 * twist), draw.normal(0, lean), draw.normal(0, 0.8 * lean)
@@ -61,7 +61,7 @@ def join(t: Array, draw: Draw, lower: Array, upper: Array, looks: Array | None =
 
 
 def standing(draw: Draw) -> Array:
-    """Stand in any everyday way, (..., 29)."""
+    """Draw an everyday standing posture, (..., 29)."""
     return draw.mix([legs.stand, legs.stand_wide, legs.crouch], [6, 2, 0.8], legs.LOWER)
 
 

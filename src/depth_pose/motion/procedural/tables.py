@@ -52,7 +52,7 @@ _STAND = (
     | _arm("left", 2, 12, 14, 22)
     | _arm("right", 2, 12, 14, 22)
 )
-"""Legs and arms of somebody who stands, degrees."""
+"""Leg and arm angles of a standing person (degrees)."""
 
 KICK: Table = (
     (0.0, _STAND | _trunk(4, 0)),

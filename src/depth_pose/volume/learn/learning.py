@@ -39,9 +39,8 @@ def learn_model(
     Parameters
     ----------
     views : sequence of sequences of sequences of Performance
-        For each view (one for hulls; for a depth camera the directions that it may see the person
-        from, evenly spaced, the first being the front) and each wearer the same performances, frame
-        by frame with the same poses.
+        By view and wearer: the same performances, with the same poses in each frame. Hulls have one view; a
+        depth camera has one for each of several evenly spaced directions, the front first.
     config : LearnConfig
     progress : callable, optional
     about : str

@@ -73,8 +73,8 @@ def simulate_views(
         Step between the frames used.
     space : SpaceConfig
     rig : sequence of RigCamera
-        Cameras of silhouettes, by default eight under the roof; depth cameras, one or more, whose mean
-        height and distance from the middle are taken: each is tracked with by itself.
+        Silhouette cameras, by default eight under the roof; or depth cameras, of which only the mean height
+        and distance from the middle are used.
     progress : callable, optional
         Called with the number of frames done, and of all.
 

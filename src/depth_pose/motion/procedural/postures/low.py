@@ -132,8 +132,8 @@ def _reclined(draw: Draw) -> Array:
 
 
 _INSTEP_DEG, _TUCKED_DEG = 8.0, 12.0
-"""How much a shank rises to the ankle when the instep lies on the floor, or the toes stand on it:
-an ankle there is 6 or 9 cm higher than the knee's front, over a shank of 0.43 m."""
+"""Slope of the shank from the knee up to the ankle (degrees), with the instep or the toes on the floor: the
+ankle is 6 or 9 cm higher than the front of the knee, over a shank of 0.43 m."""
 
 
 def _shank_back(thigh: Array, tucked: Array | NDArray[np.bool_] | bool = False) -> Array:
@@ -241,15 +241,15 @@ LIE = (
     Kind("rest", 1.0, _on_front, _lying_turn(172, 188)),
     Kind("rest", 0.8, _reclined, _lying_turn(-6, 6)),
 )
-"""Ways to lie; how often each is taken is set by hand."""
+"""Ways to lie; weights set by hand."""
 KNEEL = (
     Kind("free", 1.0, _kneel_up),
     Kind("free", 1.0, _on_heels),
     Kind("free", 1.2, _one_knee),
     Kind("free", 1.0, _work_low),
 )
-"""Ways to kneel; how often each is taken is set by hand."""
+"""Ways to kneel; weights set by hand."""
 SQUAT = (Kind("free", 1.0, of_family("squats")), Kind("free", 1.2, _deep_squat))
-"""Ways to squat; how often each is taken is set by hand."""
+"""Ways to squat; weights set by hand."""
 CRAWL = (Kind("support", 1.0, _crawl),)
 """The way to crawl."""

@@ -20,15 +20,15 @@ Sampler = Callable[[Draw], Array]
 """Return (N, 47) anatomical angles, degrees, for a draw of N."""
 
 REST_M: Array = rest_nodes() * ADULT_STATURE_M
-"""Rest nodes of the reference body, metres: places below are for it."""
+"""Rest nodes of the reference body (m); positions below refer to it."""
 
 DEEPEST_M = 0.03
-"""Limbs that stay deeper than this in the body make a posture unusable (as in the motion source)."""
+"""Maximum remaining penetration of a limb (m), as in the motion generator."""
 MOST_STRAINED_DEG = 15.0
-"""Angles that stay further than this outside their limits make a posture unusable (likewise)."""
+"""Maximum remaining violation of a joint limit (degrees), as in the motion generator."""
 
 _FLIP = np.array([-1.0, 1.0, 1.0])
-"""Mirrors a place: it exchanges left and right."""
+"""Factor that mirrors a position left to right."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Kind:
         How often, relative to the posture's other kinds.
     angles : Sampler
     turn : callable, optional
-        Gives (N, 3, 3) rotations of the whole body, for those who lie.
+        Returns (N, 3, 3) rotations of the whole body, for lying postures.
     raised : bool
         Whether it needs a chair, sofa or stool.
     """
@@ -56,7 +56,7 @@ class Kind:
 
 
 def bring_through_gates(angles: Array) -> Separated:
-    """Joint limits and rhythm, then limbs out of the body; what that strains is clamped and tried again."""
+    """Clamp to the joint limits with the shoulder's rhythm and separate the limbs, twice."""
     first = separate_limbs(rotations_from_angles(clamp_angles(with_shoulder_rhythm(clamp_angles(angles)))))
     return separate_limbs(clamp_rotations(first.rotations))
 
@@ -135,7 +135,7 @@ def bow(draw: Draw, flexion: Array, side: Array | float = 0.0, twist: Array | fl
 
 
 def free_head(draw: Draw) -> Array:
-    """Neck and head that look anywhere, (N, 47), everything else zero."""
+    """Draw a gaze in any direction: angles of neck and head, (N, 47), all others zero."""
     out = np.zeros((*draw.shape, 47))
     look, down, tilt = draw.normal(0, 24.0), draw.normal(2, 10.0), draw.normal(0, 6)
     for i, share in ((3, 0.45), (4, 0.55)):
@@ -144,7 +144,7 @@ def free_head(draw: Draw) -> Array:
 
 
 def level_gaze(angles: Array, draw: Draw) -> Array:
-    """Turn the head ahead again: neck and head undo a share of the trunk's bend."""
+    """Rotate neck and head back by a share of the trunk's bend, so that the person looks ahead."""
     out = angles.copy()
     back = 0.8 * draw.uniform(0.5, 1.1) * angles[:, [0, 3, 6]].sum(axis=1)
     out[:, 9] -= 0.5 * back
@@ -153,7 +153,7 @@ def level_gaze(angles: Array, draw: Draw) -> Array:
 
 
 def support_hands(draw: Draw) -> dict[str, Array | float]:
-    """Hands flat on something below them."""
+    """Lay the hands flat on a surface below them."""
     return {
         "both_forearm_pronation": draw.normal(65, 12),
         "both_wrist_flexion": draw.normal(-70, 7),

@@ -35,8 +35,7 @@ POSTURES: dict[str, float] = {
     "reach": 0.07,
     "lean": 0.06,
 }
-"""Postures and how often they are drawn: mostly what people in rooms do, the rare ones often
-enough to be learned."""
+"""Postures and their weights: mostly those of people indoors; rare ones often enough to be learned."""
 
 KINDS: dict[str, tuple[Kind, ...]] = {
     "stand": upright.STAND,
@@ -53,7 +52,7 @@ KINDS: dict[str, tuple[Kind, ...]] = {
 """The kinds of every posture."""
 
 _MOST_ROUNDS = 20
-"""Draws until enough postures pass the gates; then it is an error. Set by hand."""
+"""Maximum number of draws for enough valid postures; beyond it is an error. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -65,9 +64,9 @@ class Postures:
     angles : (N, 47) float64
         Anatomical angles within the joint limits, degrees.
     turns : (N, 3, 3) float64
-        Rotation of the whole body after them: identity but for those who lie.
+        Rotation of the whole body, applied last: identity except for lying postures.
     kinds : tuple of Kind
-        What each is an example of.
+        Kind of each posture.
     """
 
     angles: Array

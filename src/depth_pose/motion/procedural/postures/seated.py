@@ -31,7 +31,7 @@ HIP_ABOVE_SEAT_M = 0.14
 
 
 def _lower(draw: Draw, low: tuple[float, float], trunk: tuple[Array, Array], far: Array) -> Array:
-    """Sit at a height within `low` (seat, metres), feet `far` before the pelvis."""
+    """Sit on a seat of a height within `low` (m), feet within `far` (m) in front of the pelvis."""
     flexion, lean = trunk
     height = draw.uniform(*low) + HIP_ABOVE_SEAT_M
     # Feet that the legs cannot reach come nearer; near feet go under the seat on their toes.
@@ -201,7 +201,7 @@ def _on_floor(draw: Draw) -> Array:
 
 
 _LAP = (0.11, 0.09, 0.28)
-"""Middle of where the left hand lies in a lap, from the pelvis, metres. Set by hand."""
+"""Mean position of the left hand in the lap, relative to the pelvis (m). Set by hand."""
 
 SIT = (
     Kind("type", 3.0, _typing, raised=True),
@@ -218,4 +218,4 @@ SIT = (
     Kind("read", 1.2, _reading, raised=True),
     Kind("free", 1.1, _on_floor),
 )
-"""Ways to sit, lengths in metres; how often each is taken is set by hand."""
+"""Ways to sit, lengths in metres; weights set by hand."""

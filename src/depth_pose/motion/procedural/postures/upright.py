@@ -2,7 +2,7 @@
 
 Free motion comes from the families of the embedded motion source
 (`depth_pose.motion.procedural.families`) at random moments; here are the everyday postures
-that it does not know. Places are metres on the 1.75 m body. Heights of tables, counters and
+that it lacks. Places are metres on the 1.75 m body. Heights of tables, counters and
 shelves are those of H. Dreyfuss Associates, *The Measure of Man and Woman*, 1993 (desk 0.71 to
 0.76, counter 0.91, bar 1.07).
 """
@@ -33,7 +33,7 @@ from depth_pose.motion.reach import arm_to_target
 Array = NDArray[np.float64]
 
 _LONGEST_S = 20.0
-"""Length of a motion that a moment is taken from, at most, seconds. Set by hand."""
+"""Maximum length (s) of a motion that moments are taken from. Set by hand."""
 
 
 def of_family(name: str) -> Sampler:
@@ -255,7 +255,7 @@ STAND = (
     Kind("carry", 1.3, _stand(_carry)),
     Kind("hold", 0.5, of_family("hold_things")),
 )
-"""Ways to stand; how often each is taken is set by hand."""
+"""Ways to stand; weights set by hand."""
 WALK = (
     Kind("free", 4.0, of_family("walk")),
     Kind("free", 1.5, of_family("walk_gesture")),
@@ -265,13 +265,13 @@ WALK = (
     Kind("carry", 0.9, _carry_walking),
     Kind("read", 0.9, _talk_walking),
 )
-"""Ways to walk; how often each is taken is set by hand."""
+"""Ways to walk; weights set by hand."""
 BEND = (
     Kind("free", 2.0, of_family("bends")),
     Kind("free", 2.5, _pick_up),
     Kind("free", 1.0, _reach_low),
 )
-"""Ways to bend; how often each is taken is set by hand."""
+"""Ways to bend; weights set by hand."""
 REACH = (
     Kind("free", 1.5, of_family("reach_around")),
     Kind("free", 2.0, _reach_forward),
@@ -279,10 +279,10 @@ REACH = (
     Kind("free", 0.7, _reach_low),
     Kind("free", 0.6, of_family("wash_window")),
 )
-"""Ways to reach; how often each is taken is set by hand."""
+"""Ways to reach; weights set by hand."""
 LEAN = (
     Kind("support", 2.5, _on_table),
     Kind("free", 1.5, _against),
     Kind("free", 1.0, _aside),
 )
-"""Ways to lean; how often each is taken is set by hand."""
+"""Ways to lean; weights set by hand."""
