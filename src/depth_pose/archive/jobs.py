@@ -77,7 +77,7 @@ class Setting:
     def digest(self) -> str:
         """Hash of the settings, 16 hexadecimal digits."""
         settings = self.config.as_mapping()
-        if self.config.build.file:  # its content counts, not its name
+        if self.config.build.file:  # hash the file's content, not its name
             settings["build"]["file"] = _hash_of_build(self.config.build.file)
         given: list[Any] = [settings, self.depth_topic]
         if self.images != ImageOptions():
@@ -117,7 +117,7 @@ class Row:
     ms : float
         Median time of a frame in the pipeline, milliseconds; NaN where it was not measured.
     warnings : tuple of str
-        What went wrong; where it failed, why.
+        Problems; for a failed recording, the reason.
     damage : tuple of str
         The warnings about parts of the recording that could not be read.
     seconds : float
@@ -260,7 +260,7 @@ def content_hash(recording: Path) -> str:
     """Compute the hash of a recording's content, 32 hexadecimal digits.
 
     Covers each file's size and up to eight blocks of 1 MiB, evenly spread, including the beginning and the
-    end, where MCAP has its index. Names count where they define the images' stamps and order.
+    end, where MCAP has its index. File names are included where they define the images' stamps and order.
     """
     digest = hashlib.blake2b(digest_size=16)
     files = recording_files(recording)

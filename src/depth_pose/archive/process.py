@@ -17,7 +17,7 @@ from depth_pose.io.recording import recording_files
 
 @dataclass(frozen=True)
 class Progress:
-    """Progress: recordings done, frames processed for these, bytes of all that is done."""
+    """Progress: recordings done, frames processed in them, and bytes done overall."""
 
     recordings: int
     frames: int

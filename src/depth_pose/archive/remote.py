@@ -25,10 +25,10 @@ SPARE_BYTES = 256 << 20
 """Space left free in the folder for temporary files, which other programs use too. Set by hand."""
 
 SILENT_S = 60.0
-"""A server that sends nothing for this long (s) has failed; the whole copy may take any time. Set by hand."""
+"""Maximum silence of a server (s); the whole copy may take any time. Set by hand."""
 
 _LEAST_RATE = 1000
-"""Minimum rate of a copy (bytes a second) after `SILENT_S`: a slower one has failed, too. Set by hand."""
+"""Minimum rate of a copy (bytes/s) after `SILENT_S`; a slower one fails. Set by hand."""
 
 LISTED_S, MOST_LISTED_BYTES = 300.0, 64 << 20
 """Maximum time to list a folder (s), and maximum size of the list: half a million names. Set by hand."""

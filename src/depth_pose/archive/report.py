@@ -1,4 +1,4 @@
-"""The report of an archive: ``report.csv``, a line for each recording."""
+"""The report of an archive: ``report.csv``, one line per recording."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ total time of the recording, including reading and writing."""
 
 
 class Report:
-    """Writer of the report: a line when a recording is done, all in order at the end.
+    """Writes the report: one line per finished recording, rewritten in input order at the end.
 
-    Nothing is written before there is a line.
+    The file is created with the first line.
 
     Outputs do not contain processing times, so that they are reproducible; for recordings that were
     done before, times are taken from the existing report.
@@ -54,7 +54,7 @@ class Report:
         self._stream: TextIO | None = None
 
     def add(self, row: Row) -> None:
-        """Add the row of a recording that is done."""
+        """Add the row of a finished recording."""
         if row.state == "skipped" and _plain(row.file) in self._before:
             line = self._before[_plain(row.file)]
             row = replace(row, ms=_value(line["ms_per_frame"]), seconds=_value(line["seconds"]))

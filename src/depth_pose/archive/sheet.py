@@ -45,7 +45,7 @@ def save_archive_sheet(
     depth_topic : str, optional
         The depth topic.
     images : ImageOptions, optional
-        What folders of images do not say.
+        Camera and scale of folders of images.
 
     Returns
     -------

@@ -29,7 +29,7 @@ _COLOURS = 40
 _STEPS = 9
 """Colours of confidence."""
 _NOISE_M, _NOISE_SHARE = 0.03, 0.02
-"""Maximum change of depth from frame to frame where nothing moves, about three times the sensors' noise."""
+"""Maximum change of depth between frames in a static scene: about three times the sensors' noise."""
 _MOST_MISSING = 8
 """Number of pictures for which a pixel without a return keeps its colour. Set by hand."""
 _BACKGROUND = "#0b0d10"
@@ -91,7 +91,7 @@ def save_animation(
 def draw_frames(
     frames: Sequence[DepthFrame], answers: Mapping[int, Sequence[Skeleton]], width: int
 ) -> list[Image.Image]:
-    """Draw skeletons, by their stamps, over the depth of each frame; all pictures as large as the first."""
+    """Draw the skeletons of each frame's stamp over its depth; all pictures have the size of the first."""
     span, calm = _range(frames), _Calm()
     pictures: list[Image.Image] = []
     for frame in frames:
@@ -115,14 +115,14 @@ def _spaced(reader: DepthReader, seconds: float, step_s: float) -> Iterator[Dept
 
 
 def _range(frames: Sequence[DepthFrame]) -> tuple[float, float]:
-    """Range of distances of the colours, the same in all pictures."""
+    """Range of distances that the colours span, the same in all pictures."""
     known = np.concatenate([f.depth[(f.depth > 0) & np.isfinite(f.depth)][::50] for f in frames])
     low, high = np.percentile(known, [2, 97]) if known.size else (0.5, 5.0)
     return float(low), float(high)
 
 
 class _Calm:
-    """Depth in which still pixels keep their value: noise would flicker and enlarge the file."""
+    """Hold the depth of static pixels, whose noise would flicker and enlarge the file."""
 
     def __init__(self) -> None:
         self._shown: NDArray[np.float32] | None = None
@@ -190,7 +190,7 @@ def _draw_joint(
 
 
 def _shared_table(pictures: Sequence[Image.Image]) -> Image.Image:
-    """Find one table of colours for all pictures, so that nothing flickers; bones and joints are in it."""
+    """Find one palette for all pictures, to avoid flicker; it contains the colours of bones and joints."""
     from matplotlib import colormaps
     from PIL import ImageColor
 

@@ -24,10 +24,10 @@ from depth_pose.stages import Shared
 from depth_pose.track.person_view import FramePeople
 
 _FRAMES_BEFORE = 2
-"""Number of frames, before the shown one, over which the person's size is found."""
+"""Number of frames before the shown one, used to estimate the person's size."""
 
 _PANEL_INCHES = 2.1
-"""Width of a panel; for the eye."""
+"""Width of a panel, for readability."""
 _DARK = "#15181d"
 
 
@@ -155,7 +155,7 @@ def save_check(matched: Matched, bank: Bank, path: str | Path, title: str = "") 
 
 
 def _draw_match(panels: list[Any], frame: MatchedFrame, match: PoseMatch | None, bank: Bank) -> None:
-    """Draw one person's row, or that of a frame without anybody."""
+    """Draw the row of one person, or of an empty frame."""
     if match is None:
         panels[0].imshow(np.zeros(frame.people.labels.shape), cmap="gray")
         _caption(panels[0], f"frame {frame.number}: nobody in view")

@@ -33,7 +33,7 @@ from depth_pose.io.schemas import SKELETON_TOPIC
 from depth_pose.io.skeleton_read import read_skeletons
 
 THRESHOLDS_M = (0.02, 0.03, 0.05, 0.07, 0.10, 0.15, 0.20)
-"""Distances at which shares of joints are given, metres."""
+"""Distances at which the share of correct joints is reported (m)."""
 
 
 @dataclass(frozen=True)

@@ -33,19 +33,19 @@ from depth_pose.io.schemas import PEOPLE_TOPIC
 from depth_pose.rooms.recorded import read_recorded
 
 ASKED_SHARE = 0.3
-"""Visible share from which a person is expected; that of the development data's scorer."""
+"""Visible share from which a person is expected, as in the development data's scorer."""
 
 WEAK_SHARE = 0.05
 """Minimum visible share at which a skeleton is not counted as false."""
 
 REACH_M = 0.4
-"""Mean joint distance beyond which a skeleton belongs to another person, metres; of the same scorer."""
+"""Maximum mean joint distance of a matched skeleton (m), as in that scorer."""
 
 _FAR_M = 9.0
-"""Cost of a forbidden pair in the assignment, metres; of the same scorer."""
+"""Cost of a forbidden pair in the assignment (m), as in that scorer."""
 
 PCK_M = 0.10
-"""A joint nearer than this to its true position counts as right, metres."""
+"""Maximum error of a correct joint (m)."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +186,7 @@ def _assign(
 
 
 def _count_identified(shared: Counter[tuple[int, str]]) -> int:
-    """Frames under the best one-to-one assignment of ids to people."""
+    """Count the frames under the best one-to-one assignment of ids to people."""
     from scipy.optimize import linear_sum_assignment
 
     ids = sorted({body_id for _, body_id in shared})

@@ -52,7 +52,7 @@ def _relief(depth: NDArray[np.floating]) -> NDArray[np.float64]:
     radius = max(1.0, depth.shape[0] / 200)
     weight = gaussian_filter((depth > 0).astype(float), radius)
     smooth = gaussian_filter(depth.astype(float), radius) / np.maximum(weight, 1e-6)
-    # across an edge the smoothed surface is neither side's
+    # across an edge, the smoothed surface belongs to neither side
     smooth = np.where(np.abs(smooth - depth) < _SURFACE_JUMP, smooth, depth)
     dz_dv, dz_du = np.gradient(smooth)
     pixel = np.maximum(smooth, 0.1) / (1.3 * depth.shape[0])

@@ -93,7 +93,7 @@ def load_truth(path: Path | str) -> KnownJoints:
 
 
 def load_known_people(path: Path | str) -> KnownPeople:
-    """Read a truth file of several people, or of one, who counts as visible throughout.
+    """Read a truth file of several people, or of one person, who is assumed visible throughout.
 
     Raises
     ------

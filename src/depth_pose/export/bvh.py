@@ -140,7 +140,7 @@ def _hierarchy(node: int, offsets: Array, depth: int) -> Iterator[str]:
 
 
 def _end(node: int, offsets: Array) -> Array:
-    """Offset of the end site beyond a last joint; its size goes with the shank's."""
+    """Offset of the end site beyond a last joint, scaled with the shank's length."""
     average = rest_nodes()
     knee, ankle = NODE_INDEX["left_knee"], NODE_INDEX["left_ankle"]
     stature = np.linalg.norm(offsets[ankle]) / np.linalg.norm(average[ankle] - average[knee])

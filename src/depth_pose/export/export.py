@@ -109,7 +109,7 @@ def export_skeletons(
     skeletons : Path or str
         The recording of skeletons.
     output : Path or str
-        The file; of formats that hold one person, NAME_ID.bvh for each where there are several.
+        The file; with several people, a format for one person gets one file each, NAME_ID.bvh.
     people : sequence of str
         Only these ``body_id``; all if empty.
     fill : bool

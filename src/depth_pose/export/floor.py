@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 _SURE = 0.5
 """Minimum confidence of a toe base used for the floor. Set by hand, not swept."""
 _STANDING_COS = np.cos(np.radians(25.0))
-"""Trunk and shanks within this angle of each other: the person stands. Set by hand."""
+"""Maximum angle between trunk and shanks of a standing person. Set by hand."""
 _FEET_SPREAD_M = 0.04
 """Deviation of toe bases from feet on the floor, metres: joint error and lifted feet. Set by hand,
 about the feet's error in `docs/accuracy.md`."""
@@ -40,8 +40,8 @@ _ROUNDS = 8
 _FRAMES = 12
 """Maximum number of depth images searched for the floor. Set by hand, not swept."""
 _SAME_COS, _SAME_M = np.cos(np.radians(20.0)), 0.4
-"""A floor in the images this near to the estimate from feet is accepted: feet err by 5 degrees and 10 cm, a
-table stands higher. Set by hand."""
+"""Maximum difference of a floor in the images from the estimate by feet, which errs by 5 degrees and 10 cm; a
+table is higher. Set by hand."""
 
 
 def floor_of_feet(tracks: Iterable[Track]) -> Floor:
@@ -104,7 +104,7 @@ def _settled(points: Array, up: Array) -> Floor:
     flat = np.stack([(points - middle) @ first, (points - middle) @ second, np.ones(len(points))], axis=1)
     above = (points - middle) @ up
     prior = np.diag([1.0, 1.0, 0.0]) * (_FEET_SPREAD_M / _UP_SPREAD) ** 2
-    slope = np.array([0.0, 0.0, np.percentile(above, 25)])  # lifted feet are above it, none below
+    slope = np.array([0.0, 0.0, np.percentile(above, 25)])  # lifted feet are above the floor, none below
     for _ in range(_ROUNDS):
         weight = 1.0 / (1.0 + ((above - flat @ slope) / _FEET_SPREAD_M) ** 2) ** 2
         normal_matrix = flat.T @ (weight[:, None] * flat) + prior

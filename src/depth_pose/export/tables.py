@@ -23,7 +23,7 @@ CSV_COLUMNS = (
 def csv_text(tracks: Tracks) -> str:
     """Build a CSV file's text: a row for every joint of every person in every frame with that person.
 
-    Numbers are written with all digits, so that they are read back unchanged.
+    Numbers are written with all digits, so that reading gives the same values.
     """
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")

@@ -1,4 +1,4 @@
-"""One person's motion as arrays over the frames from their first to their last, gaps included."""
+"""One person's motion as arrays over all frames from the first to the last, gaps included."""
 
 from __future__ import annotations
 
@@ -37,8 +37,7 @@ _LONGEST_STEP = 1.5
 """Multiple of the usual time between frames beyond which there is a gap. A missing frame doubles the time;
 jitter of stamps stays below a half. Set by hand."""
 MOST_FRAMES = 2_000_000
-"""Maximum number of frames of a file with an even rate, and of frames times people of one with arrays: 18 h
-at 30 a second, 1.2 kB of memory each."""
+"""Limits: frames in a resampled file, and frames x people in an array export (18 h at 30 Hz, 1.2 kB each)."""
 
 _MOST_TOLD = 3
 """Maximum number of gaps listed one by one."""
@@ -276,14 +275,14 @@ def held(track: Track) -> Track:
 
 
 def _picked(track: Track, index: NDArray[np.int64], stamps_ns: NDArray[np.int64]) -> Track:
-    """Return these frames with other stamps."""
+    """Return the selected frames, restamped."""
     return replace(track, stamps_ns=stamps_ns, **{name: getattr(track, name)[index] for name in ARRAYS})
 
 
 def _sampled(track: Track, stamps_ns: NDArray[np.int64], step_ns: int | None) -> Track:
     """Interpolate the motion at other times, between frames with the person.
 
-    With the usual step between frames gaps stay gaps; without it they are filled.
+    With ``step_ns``, gaps longer than it stay gaps; without it, they are filled.
     """
     known = np.flatnonzero(track.present)
     times = track.stamps_ns[known]

@@ -1,1 +1,1 @@
-"""Several cameras that see one room: where they stand, and one skeleton a person from all of them."""
+"""Several cameras in one room: their calibration, and one skeleton per person from all of them."""

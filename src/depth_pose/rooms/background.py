@@ -16,25 +16,26 @@ from depth_pose.track.person_view import FramePeople
 Array = NDArray[np.float64]
 
 _MOST_PX = 640
-"""Images wider than this are thinned to every second pixel and so on. Set by hand."""
+"""Maximum image width (pixels); wider images are subsampled by 2, 3, ... Set by hand."""
 _MOST_IMAGES = 60
 """Number of images above which every second one is dropped. Set by hand."""
 _MARGIN = 0.012
 """Margin around people, as a share of the image's width. Set by hand."""
 _LEAST_SHARE = 0.15
-"""Share of images in which a pixel of the empty room has a return, and nobody covers it. Set by hand."""
+"""Minimum share of images in which a pixel of the empty room has a return and is not covered by a person. Set
+by hand."""
 _NEAR_M, _NEAR = 0.02, 0.02
 """Depths within this (m, and share of the depth) of the median are averaged. Set by hand."""
 _VOXEL_M = 0.05
-"""Points are thinned to one a cube of this side, metres. Set by hand."""
+"""Edge of the cubes in which points are averaged to one (m). Set by hand."""
 _JUMP = 0.04
 """Pixels whose neighbours differ by more than this share of the depth are edges. Set by hand."""
 _NEIGHBOURS, _REACH_M = 16, 0.2
-"""Neighbours from which a normal is computed, and their farthest distance, metres. Set by hand."""
+"""Number of neighbours that a normal is computed from, and their maximum distance (m). Set by hand."""
 _LEAST_NEIGHBOURS = 6
-"""Fewest neighbours of a point with a normal. Set by hand."""
+"""Minimum number of neighbours for a normal. Set by hand."""
 _FLAT_M = 0.02
-"""Largest thickness of a flat neighbourhood: deviation along the normal, metres. Set by hand."""
+"""Maximum deviation along the normal in a flat neighbourhood (m). Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ class BackgroundBuilder:
     _every: int = 1
 
     def add(self, frame: DepthFrame, people: FramePeople) -> None:
-        """Add an image without the people in it; all have one camera, others are ignored."""
+        """Add an image without its people; images of another camera than the first one's are ignored."""
         step = -(-frame.camera.width // _MOST_PX)
         camera = frame.camera.strided(step)
         if self.camera is None:
@@ -97,7 +98,7 @@ def _covered(people: FramePeople, camera: Camera) -> NDArray[np.bool_]:
 def empty_room(images: NDArray[np.float32], camera: Camera) -> EmptyRoom:
     """Compute the empty room from depth images (T, H, W) over time, metres; 0: no return.
 
-    Depths near a pixel's median are averaged, which also evens out a sensor's steps.
+    Depths near a pixel's median are averaged, which also smooths a sensor's quantisation.
     """
     middle = _median(images)
     known = (images > 0).sum(axis=0) >= np.maximum(1.0, _LEAST_SHARE * len(images))
@@ -109,7 +110,7 @@ def empty_room(images: NDArray[np.float32], camera: Camera) -> EmptyRoom:
 
 
 def _median(images: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the median over time of what is above 0; 0 where nothing is."""
+    """Return the median over time of the values above 0; 0 where there are none."""
     count = (images > 0).sum(axis=0)
     ordered = np.sort(np.where(images > 0, images, np.float32(np.inf)), axis=0)
     found = np.take_along_axis(ordered, np.maximum(count - 1, 0)[None] // 2, axis=0)[0]
@@ -123,7 +124,7 @@ class RoomSurface:
     Attributes
     ----------
     points, normals : (N, 3) float64
-        Metres; the normals look to the camera.
+        Metres; the normals point to the camera.
     spread : (N,) float64
         Deviation of their depth over time, metres.
     """

@@ -1,9 +1,9 @@
-"""Where the cameras of one room stand, from people who walk about in it.
+"""Calibrate the cameras of one room from people who walk about in it.
 
-`RoomCalibration` collects what each camera saw; `solve` finds the cameras. The floor of each gives tilt and
-height; people whom two cameras see at the same time give the rest (`depth_pose.rooms.calibration_match`);
-then all cameras are refined together, on people, floors and the surfaces of the empty room
-(`depth_pose.rooms.calibration_solve`).
+`RoomCalibration` collects each camera's observations; `solve` estimates the poses. Each camera's floor gives
+its tilt and height; people seen by two cameras at the same time give the rest
+(`depth_pose.rooms.calibration_match`); then all cameras are refined together, on people, floors and the
+surfaces of the empty room (`depth_pose.rooms.calibration_solve`).
 
 The room frame: z up, the floor at z = 0, the origin below the first camera, x along its view; metres.
 """
@@ -36,14 +36,14 @@ Array = NDArray[np.float64]
 
 
 class RoomCalibration:
-    """Finds where the cameras of one room stand, from what each saw.
+    """Estimates the poses of the cameras of one room.
 
     Parameters
     ----------
     records : sequence of CameraRecord
-        One a camera; they may still grow. The first camera defines the room frame.
+        One per camera; they may still grow. The first camera defines the room frame.
     transforms : TransformTree, optional
-        Transforms that are known already: cameras whose optical frames it connects keep them.
+        Known transforms: cameras whose optical frames they connect keep their relative pose.
     """
 
     def __init__(self, records: Sequence[CameraRecord], transforms: TransformTree | None = None) -> None:
@@ -60,7 +60,7 @@ class RoomCalibration:
         Raises
         ------
         InputError
-            Where they cannot be found: the reason, and what to do.
+            If the poses cannot be found; the message gives the reason and what to do.
         """
         check_records(self.records)
         known = self._known()
@@ -118,7 +118,7 @@ class RoomCalibration:
 
 
 class _Link(NamedTuple):
-    """First estimate of camera b against camera a, and the people's time (s) that it rests on."""
+    """First estimate of camera b relative to camera a, and the time (s) of the people that support it."""
 
     T_a_b: Array
     offset: float

@@ -1,4 +1,4 @@
-"""What cannot be calibrated, and why: each check raises `InputError` with the reason and what to do."""
+"""Checks of a calibration: each raises `InputError` with the reason and what to do."""
 
 from __future__ import annotations
 
@@ -18,25 +18,28 @@ from depth_pose.rooms.calibration_state import CameraState
 Array = NDArray[np.float64]
 
 LEAST_S = 5.0
-"""Least time that people are seen by both of two cameras, seconds. Set by hand."""
+"""Minimum time that people are seen by both of two cameras (s). Set by hand."""
 _LEAST_SHARE = 0.4
-"""Least share of the people's time that agrees, of that in which both cameras see somebody. Set by hand."""
+"""Minimum time of people that agrees, as a share of the time in which both cameras see somebody. Set by
+hand."""
 _MORE = 1.8
-"""People's time agrees by more than chance if it is this many times that which agrees when one camera is
-mirrored; a recording is mirrored the other way round. Set by hand."""
+"""Minimum ratio of the agreeing time to that with one camera mirrored; less is chance, and the inverse ratio
+means that one recording is mirrored. Set by hand."""
 _COPY_M, _COPY_RAD = 0.01, np.radians(0.3)
-"""Two recordings are of one camera if place and turn differ by less; no housing is so small. Set by hand."""
+"""Two recordings are from one camera if its position (m) and orientation differ by less than this. Set by
+hand."""
 _THROUGH_M = 0.25
-"""A surface in front of what a camera sees by this much contradicts it, metres. Set by hand."""
+"""A surface this far (m) in front of a camera's depth contradicts it. Set by hand."""
 _MOST_CONTRADICTED = 0.25
-"""Most of a camera's points of the empty room that another may contradict. Set by hand."""
+"""Maximum share of a camera's points of the empty room that another camera contradicts. Set by hand."""
 _LINE_M, _PLACE_M = 0.2, 0.3
-"""People walked only one line if their places deviate less across it (m), and stayed in one place if they
-deviate less along it. Set by hand."""
+"""Minimum deviation of people's positions across their main direction and along it (m); less is walking one
+line, or standing still. Set by hand."""
 _RESOLVED_M = 0.05
-"""The empty room tells a camera's place if it does so to this deviation, metres. Set by hand."""
+"""Maximum deviation of a camera's position by the empty room alone, if that is to suffice (m). Set by
+hand."""
 _LEAST_POINTS = 100
-"""Fewest points on which that is judged. Set by hand."""
+"""Minimum number of points for that check. Set by hand."""
 
 
 def check_records(records: Sequence[CameraRecord]) -> None:
@@ -72,7 +75,7 @@ def check_people(name: str, tracks: Sequence[BodyTrack]) -> None:
 
 
 def check_match(first: str, second: str, match: PairMatch | None) -> str:
-    """Return why two cameras do not match by people; empty where they do."""
+    """Return why the people of two cameras do not match; empty if they do."""
     both = f"{first} and {second}"
     if match is None:
         return f"{both} never see somebody at the same time for long enough to be compared"
@@ -91,14 +94,14 @@ def check_match(first: str, second: str, match: PairMatch | None) -> str:
 
 
 def _is_enough(seconds: float, common: float, by_chance: float) -> bool:
-    """Whether more of the people's time agrees than by chance."""
+    """Whether the agreeing time is longer than by chance."""
     return seconds >= LEAST_S and (seconds >= _LEAST_SHARE * common or seconds >= _MORE * by_chance)
 
 
 def check_solution(
     records: Sequence[CameraRecord], states: Sequence[CameraState], surfaces: Sequence[RoomSurface | None]
 ) -> None:
-    """Check that no two cameras are one, and that none sees through what another sees."""
+    """Check that all cameras are different, and that none sees through a surface that another sees."""
     for (first, one, mine), (second, other, theirs) in combinations(
         zip(records, states, surfaces, strict=True), 2
     ):
@@ -128,9 +131,10 @@ def check_places(name: str, along: float, across: float, room_across: float, roo
     name : str
         The camera's.
     along, across : float
-        Deviation of the places where it and another camera saw somebody, metres.
+        Deviation of the positions of people that it shares with another camera, along their main direction
+        and across it (m).
     room_across, room : float
-        Deviation of the camera's place by the empty room alone, across that line and in all, metres.
+        Deviation of the camera's position by the empty room alone: across that line and overall (m).
     """
     if across > _LINE_M or (room_across if along > _PLACE_M else room) < _RESOLVED_M:
         return

@@ -18,12 +18,12 @@ from depth_pose.rooms.calibration_input import BodyTrack
 Array = NDArray[np.float64]
 
 _MOST_BODIES = 50
-"""Number of skeletons that are tried as standing on a floor below a camera that looks down. Set by hand."""
+"""Number of skeletons from which the floor below a camera that looks down is tried. Set by hand."""
 _STRAIGHT = np.cos(np.radians(25.0))
-"""Trunk and legs within this angle of each other: the person stands. Set by hand."""
+"""Maximum angle between trunk and legs of a standing person. Set by hand."""
 _SAME_UP, _SAME_M = np.cos(np.radians(20.0)), 0.5
-"""A floor of the images is this near to that of the people who stand on it: they err by 10 degrees. Set by
-hand."""
+"""Maximum distance between the plane fitted to depth and the plane fitted to feet: direction, which feet give
+to about 10 degrees, and height. Set by hand."""
 _ANKLE_M = float(rest_nodes()[NODE_INDEX["left_ankle"], 1]) * ADULT_STATURE_M
 """Height of an ankle above the floor, metres."""
 

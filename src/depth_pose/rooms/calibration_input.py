@@ -1,4 +1,4 @@
-"""What one camera saw of people over time, and of the empty room: the input of a calibration."""
+"""Observations of one camera, people over time and the empty room: the input of a calibration."""
 
 from __future__ import annotations
 
@@ -17,15 +17,16 @@ from depth_pose.rooms.background import EmptyRoom
 Array = NDArray[np.float64]
 
 MOST_GAP_S = 0.45
-"""Joints are interpolated between frames that are at most this far apart, seconds. Set by hand."""
+"""Maximum time between two frames for interpolation (s). Set by hand."""
 
 _SMOOTH_S, _MOST_NEIGHBOURS = 0.08, 6
-"""Deviation (s) of the weights over time that smooth a track, and neighbours on either side. Set by hand."""
+"""Standard deviation (s) of a track's smoothing weights over time, and the number of neighbours on either
+side. Set by hand."""
 
 
 @dataclass(frozen=True)
 class Moments:
-    """One track at some times: joints (N, 19, 3) and their velocities, camera frame, metres and m/s.
+    """One track at given times: joints (N, 19, 3) and their velocities, camera frame, m and m/s.
 
     ``confidence`` (N, 19) is 0 for joints that were not seen, and for all joints where ``present`` (N,) is
     False: the track has no frames near that time.
@@ -39,7 +40,7 @@ class Moments:
 
 @dataclass(frozen=True)
 class BodyTrack:
-    """One person in one camera, from when they are found to when they are lost.
+    """One person in one camera, from detection to loss.
 
     Attributes
     ----------
@@ -58,7 +59,7 @@ class BodyTrack:
 
     @cached_property
     def seconds(self) -> Array:
-        """Time (N,) that each frame stands for, seconds."""
+        """Time represented by each frame, (N,), seconds."""
         if len(self.times) < 2:
             return np.zeros(len(self.times))
         return np.minimum(np.gradient(self.times), MOST_GAP_S)
@@ -83,7 +84,7 @@ class BodyTrack:
 
 @dataclass
 class CameraRecord:
-    """All that a calibration knows of one camera; it grows frame by frame.
+    """Data of one camera for a calibration; it grows frame by frame.
 
     Attributes
     ----------
@@ -112,7 +113,7 @@ class CameraRecord:
     _bodies: dict[str, list[Skeleton]] = field(default_factory=dict)
 
     def add(self, stamp_ns: int, skeletons: Sequence[Skeleton]) -> None:
-        """Add everybody in a frame; frames come in the order of their stamps, others are ignored."""
+        """Add the people of a frame; a frame that is not later than the last one is ignored."""
         if self.stamps_ns and stamp_ns <= self.stamps_ns[-1]:
             return
         self.stamps_ns.append(stamp_ns)
@@ -135,10 +136,10 @@ def _track_of(skeletons: Sequence[Skeleton], reference_ns: int) -> BodyTrack:
 
 
 def smooth_joints(times: Array, joints: Array, confidence: Array) -> tuple[Array, Array]:
-    """Fit a line through each joint's neighbours in time; return places and velocities, as ``joints``.
+    """Fit a line through each joint's neighbours in time; return positions and velocities.
 
-    Without it, interpolation between two frames would average their errors, and clocks of which the frames of
-    one camera fall between those of another would seem to agree better than the true ones.
+    Without smoothing, interpolation averages noise, which favours clock offsets that interleave the two
+    cameras' frames.
 
     Parameters
     ----------

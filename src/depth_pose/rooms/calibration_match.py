@@ -1,10 +1,9 @@
-"""Which tracks of two cameras are the same people: a first transform between the cameras, and their clocks.
+"""Match the tracks of two cameras: a first transform between the cameras, and their clock offset.
 
-Both cameras are levelled by their floors, so what is left is a turn about the vertical, a shift along the
-floor and an offset between the clocks. People are points on the floor with a facing. Transforms are proposed
-by pairs of moments of two tracks that may be one person, for offsets on a grid; the one with which most of
-the people's time agrees wins, and is fitted to all of it. The same search with one camera mirrored tells a
-recording that was flipped.
+Both cameras are levelled by their floors, so the unknowns are a rotation about the vertical, a translation
+along the floor and the clock offset. People are points on the floor with a facing direction. Pairs of moments
+of two tracks propose transforms, for offsets on a grid; the one with the longest agreement wins and is fitted
+to all agreeing moments. The same search with one camera mirrored detects a flipped recording.
 """
 
 from __future__ import annotations
@@ -20,30 +19,31 @@ from depth_pose.rooms.calibration_walks import Walk
 Array = NDArray[np.float64]
 
 SAME_M = 0.25
-"""Places of one person by two cameras differ by less than this, metres. Set by hand."""
+"""Maximum distance between one person's positions by two cameras (m). Set by hand."""
 _SAME_COS = 0.5
-"""Facings of one person by two cameras differ by less than 60 degrees. Set by hand."""
+"""Minimum cosine between one person's facing directions by two cameras: 60 degrees. Set by hand."""
 _FARTHEST_S, _STEP_S, _FINE_S = 0.5, 0.1, 0.02
-"""Largest offset between two clocks, and the grid's steps, seconds. Set by hand."""
+"""Maximum offset between two clocks, and the grid's steps (s). Set by hand."""
 _LEAST_TRACK_S = 1.5
-"""Shortest track that proposes a transform, seconds. Set by hand."""
+"""Minimum length of a track that proposes transforms (s). Set by hand."""
 _MOST_TRACKS = 12
-"""Number of tracks of each camera that propose, the longest. Set by hand."""
+"""Number of each camera's tracks that propose transforms: the longest ones. Set by hand."""
 _PROPOSALS = 40
-"""Pairs of moments that propose a transform, for each pair of tracks and offset. Set by hand."""
+"""Number of pairs of moments that propose a transform, for each pair of tracks and each offset. Set by
+hand."""
 _APART_M = 0.5
-"""Places of two moments that propose a turn are this far apart, metres. Set by hand."""
+"""Minimum distance between two moments that propose a rotation (m). Set by hand."""
 _UNLIKE = 0.3
-"""Weight of places that agree while the facings do not. Set by hand."""
+"""Weight of positions that agree with facing directions that do not. Set by hand."""
 _MOST_TRIED = 60
-"""Number of proposals, the best ones, that are compared for all people. Set by hand."""
+"""Number of proposals that are compared for all people: the best ones. Set by hand."""
 _ROUNDS = 6
 """Number of reweighted fits. Set by hand."""
 
 
 @dataclass(frozen=True)
 class PairMatch:
-    """How two cameras stand to each other, by people.
+    """Relative pose of two cameras, from people.
 
     Attributes
     ----------
@@ -54,13 +54,13 @@ class PairMatch:
     offset : float
         The clock of b minus that of a, seconds.
     seconds : float
-        People's time that agrees, seconds.
+        Time of people that agrees, seconds.
     common : float
-        People's time in which both cameras saw somebody, which could agree, seconds.
+        Time of people during which both cameras saw somebody, so that it could agree, seconds.
     spread : (2,) float64
-        Deviation of the places that agree along their main directions, metres, larger first.
+        Deviation of the agreeing positions along their main directions (m), larger first.
     mirrored : float
-        People's time that would agree if one of them were mirrored, seconds.
+        Time of people that would agree with one camera mirrored, seconds.
     """
 
     turn: float
@@ -73,14 +73,14 @@ class PairMatch:
 
     @property
     def T_flooring(self) -> Array:
-        """Transform (4, 4) from the floor frame of b to that of a."""
+        """Transform from the floor frame of b to that of a, (4, 4)."""
         T = np.eye(4)
         T[:2, :2], T[:2, 3] = _turn_matrix(self.turn), self.shift
         return T
 
 
 def match_pair(a: list[Walk], b: list[Walk]) -> PairMatch | None:
-    """Find the transform and clock offset with which most of the people's time agrees; None without any.
+    """Find the transform and clock offset with the longest agreement; None without any.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def _turn_matrix(angle: float) -> Array:
 
 
 class _Proposal(NamedTuple):
-    """A turn, shift (m) and clock offset (s), and the time (s) of the two tracks that agrees with it."""
+    """Rotation, translation (m) and clock offset (s), and the time (s) for which two tracks agree."""
 
     turn: float
     shift: Array
@@ -141,7 +141,7 @@ class _Proposal(NamedTuple):
 
 
 def _propose(first: Walk, second: Walk, offset: float, rng: np.random.Generator) -> _Proposal | None:
-    """Return the turn and shift with which most moments of two tracks agree."""
+    """Return the rotation and translation with which most moments of two tracks agree."""
     places, sides, covered = second.at(first.times + offset)
     there = np.flatnonzero(covered)
     if first.seconds[there].sum() < _LEAST_TRACK_S:
@@ -151,7 +151,7 @@ def _propose(first: Walk, second: Walk, offset: float, rng: np.random.Generator)
     i, j = rng.integers(len(there), size=(2, _PROPOSALS))
     along_a, along_b = pa[i] - pa[j], pb[i] - pb[j]
     far = np.minimum(np.linalg.norm(along_a, axis=1), np.linalg.norm(along_b, axis=1)) > _APART_M
-    # where the person hardly moved between two moments, their facing tells the turn
+    # if the person hardly moved between two moments, the facing direction gives the rotation
     along_a, along_b = np.where(far[:, None], along_a, sa[i]), np.where(far[:, None], along_b, sb[i])
     turns = _angle(along_a) - _angle(along_b)
     c, s = np.cos(turns), np.sin(turns)
@@ -174,11 +174,12 @@ def _angle(vectors: Array) -> Array:
 
 
 _SIDE_M = 0.2
-"""Facings count as points this far beside the trunk, metres: half of a shoulder's width. Set by hand."""
+"""Distance from the trunk of the points that stand for the facing direction (m): half a shoulder width. Set
+by hand."""
 
 
 def _fit(pa: Array, pb: Array, sa: Array, sb: Array, weight: Array) -> tuple[float, Array]:
-    """Fit turn and shift to places and facings, weighted least squares in closed form."""
+    """Fit rotation and translation by weighted least squares, in closed form."""
     weight = weight / max(float(weight.sum()), 1e-12)
     ca, cb = weight @ pa, weight @ pb
     a, b = pa - ca, pb - cb

@@ -1,4 +1,4 @@
-"""People whom two cameras see at the same time, as terms of the room's least-squares problem."""
+"""People seen by two cameras at the same time, as terms of the room's least-squares problem."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ Array = NDArray[np.float64]
 
 _TRUNK = [JOINT_INDEX[name] for name in ("pelvis", "spine", "chest", "neck", "head")]
 _SAME_TRACK_M, _SAME_TRACK_S = 0.35, 1.0
-"""Tracks of one person lie within this (m, the trunk) for at least this time (s). Set by hand."""
+"""Maximum distance of the trunks of two tracks of one person (m), and the minimum time for which it holds
+(s). Set by hand."""
 
 _ERRORS = {
     "pelvis": (1.0, 0.03, 0.025),
@@ -35,20 +36,20 @@ _ERRORS = {
     "ankle": (0.15, 0.015, 0.04),
     "foot": (0.4, 0.03, 0.06),
 }
-"""Errors of joints that are seen: by how much they appear too near, against the pelvis; deviation along the
-ray and across it, metres. Measured on simulated pairs of cameras against the truth."""
+"""Errors of visible joints (m): bias towards the camera relative to the pelvis; deviation along the ray and
+across it. Measured on simulated pairs of cameras against the truth."""
 _NEAR_SHARE, _ALONG_M, _ACROSS_M = np.array([_ERRORS[name.rpartition("_")[2]] for name in JOINTS]).T
 _ALIKE_S = 0.7
-"""A joint's error is the same for about this time, seconds. Set by hand."""
+"""Correlation time of a joint's error (s). Set by hand."""
 _MOST_S = 150.0
-"""Two cameras' joints count as at most this much time, summed over joints: systematic errors remain, however
-long people walk. Chosen on simulated pairs."""
+"""Maximum weight of a pair of cameras' joints (s, summed over joints), since systematic errors do not average
+out. Chosen on simulated pairs."""
 _LEAST_SURE = 0.1
-"""Least confidence of a joint that is used. Set by hand."""
+"""Minimum confidence of a joint that is used. Set by hand."""
 _MEDIAN_CHI2 = 2.366
 """Median of the chi-squared distribution with three degrees of freedom."""
 _ALIKE_JOINTS = 4.0
-"""Number of joints that err alike. Set by hand."""
+"""Number of joints with a common error. Set by hand."""
 _FAR_M = 0.12
 """Residual (m) at which a joint has a quarter of its weight. Set by hand."""
 
@@ -56,7 +57,8 @@ _FAR_M = 0.12
 class PeopleTerm(NamedTuple):
     """One person in two cameras: a track of camera ``a`` and one of camera ``b``.
 
-    ``agrees`` (N,) are the frames of track a in which they do: either may change over to somebody else.
+    ``agrees`` (N,) marks the frames of track a in which both agree, since either may switch to another
+    person.
     """
 
     a: int
@@ -72,7 +74,7 @@ class PeopleTerm(NamedTuple):
 
 
 class _Seen(NamedTuple):
-    """Joints (N, 3) of both cameras, camera frames, velocities by b, joint numbers, certainty, seconds."""
+    """Joints (N, 3) in both cameras' frames, velocities by b, joint indices, confidences, times (s)."""
 
     pa: Array
     pb: Array
@@ -83,7 +85,7 @@ class _Seen(NamedTuple):
 
 
 def add_people(normal: Normal, states: Sequence[CameraState], terms: Sequence[PeopleTerm]) -> Array:
-    """Add the joints that two cameras see at the same time; return the residuals' lengths (N,), metres."""
+    """Add the joints that both cameras see at one time; return the norms (N,) of the residuals (m)."""
     pairs: defaultdict[tuple[int, int], list[PeopleTerm]] = defaultdict(list)
     for term in terms:
         pairs[term.a, term.b].append(term)

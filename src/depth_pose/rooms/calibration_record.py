@@ -1,4 +1,4 @@
-"""What one recording tells a calibration: everybody's skeletons, the empty room, static transforms."""
+"""Read one recording for a calibration: everybody's skeletons, the empty room, static transforms."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from depth_pose.rooms.background import BackgroundBuilder
 from depth_pose.rooms.calibration_input import CameraRecord
 
 _LEAST_STEP_NS = 50_000_000
-"""Frames closer than this to the one before are skipped: 20 a second suffice. Set by hand."""
+"""Minimum time between two frames: 20 a second suffice. Set by hand."""
 _IMAGE_STEP_NS = 500_000_000
 """Time from one depth image of the empty room to the next, nanoseconds. Set by hand."""
 
@@ -42,7 +42,7 @@ class RecordSetting:
 
 @dataclass(frozen=True)
 class Recorded:
-    """What one recording tells: the camera's record, its ``/tf_static``, and damage, one line each."""
+    """Result of one recording: the camera's record, its ``/tf_static``, and damage, one line each."""
 
     record: CameraRecord
     transforms: tuple[StaticTransform, ...]
@@ -68,7 +68,7 @@ def read_record(recording: str, name: str, setting: RecordSetting, tell: Tell) -
         Where the recording cannot be read.
     """
     reader = DepthReader(Path(recording), setting.depth_topic, tell=False)
-    # a low-pass filter lags behind, more where frames are few: unlike cameras would not agree
+    # a low-pass filter lags by more at a low frame rate, so cameras with different rates would not agree
     pipeline = PosePipeline(Bank.load(setting.bank), PipelineConfig(smooth=SmoothConfig(enabled=False)))
     record = CameraRecord(name, topic=reader.topic.name)
     room = BackgroundBuilder()

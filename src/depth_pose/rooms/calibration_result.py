@@ -1,4 +1,4 @@
-"""The result of a calibration: where the cameras stand, and how well that is known."""
+"""The result of a calibration: the cameras' poses and their uncertainty."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PairQuality:
-    """How well two cameras are tied to each other.
+    """Data that two cameras share.
 
     Attributes
     ----------
     first, second : str
         Names of the cameras.
     seconds : float
-        People's time seen by both, seconds.
+        Time of people seen by both, seconds.
     overlap : float
-        Share of the people's time of both cameras that both saw.
+        Time of people seen by both cameras, as a share of that seen by either.
     points : int
         Points of the empty room that both see.
     source : str
-        What ties them: ``people``, ``the empty room``, both, or ``/tf_static``.
+        What connects them: ``people``, ``the empty room``, both, or ``/tf_static``.
     """
 
     first: str
@@ -51,7 +51,7 @@ class PairQuality:
 
 @dataclass(frozen=True)
 class Calibration:
-    """Where the cameras stand.
+    """Poses of the cameras.
 
     Attributes
     ----------
@@ -62,12 +62,13 @@ class Calibration:
     offsets : (C,) float64
         Clock of each camera minus that of the first, seconds.
     deviation_m, deviation_deg : (C,) float64
-        Estimated deviation of each camera against the first: of places where people were, and of its turn.
+        Estimated deviation of each camera relative to the first: of people's positions, and of its
+        orientation.
     pairs : tuple of PairQuality
     residual : float
         Median distance of joints that two cameras see, metres.
     places : tuple of tuple of (N, 3) arrays
-        Where people's pelvises were by each camera, for each of its tracks, room frame, metres.
+        Positions of the pelvis by camera and track, room frame, metres.
     surfaces : tuple of (N, 3) arrays
         Points of the empty room by each camera, room frame, metres.
     """
@@ -109,10 +110,10 @@ def make_result(
     Raises
     ------
     InputError
-        Where too little ties a camera to the others.
+        If too few observations connect a camera to the others.
     """
     T_room_camera = np.stack([s.T_room_camera for s in solution.states])
-    for (a, b), T_a_b in known.items():  # exactly, not but for rounding
+    for (a, b), T_a_b in known.items():  # exactly, without rounding errors
         T_room_camera[b] = T_room_camera[a] @ T_a_b
     T_new_room = _below(T_room_camera[0])
     T_room_camera = T_new_room @ T_room_camera
@@ -152,7 +153,7 @@ def _moved(T: Array, points: Array) -> Array:
 
 
 def _common_spots(states: Sequence[CameraState], people: Sequence[PeopleTerm], camera: int) -> Array:
-    """Return the places (N, 3) where a camera and another saw somebody, room frame, metres."""
+    """Return the positions (N, 3) of people that a camera shares with another, room frame, metres."""
     spots = [
         states[term.a].to_room(term.track_a.joints[term.agrees][:, 0])
         for term in people
@@ -162,9 +163,10 @@ def _common_spots(states: Sequence[CameraState], people: Sequence[PeopleTerm], c
 
 
 def _check_tie(name: str, spots: Array, by_room: Array, camera: int) -> None:
-    """Check that what people's places do not tell of a camera, the empty room tells.
+    """Check that the background constrains what the tracks leave undetermined.
 
-    A line tells nothing across it but for the people's width; one place hardly tells a turn.
+    People on one line do not constrain the direction across it, and people in one place hardly constrain the
+    rotation.
     """
     middle = spots.mean(axis=0) if len(spots) else np.zeros(3)
     flat = (spots - middle)[:, :2]

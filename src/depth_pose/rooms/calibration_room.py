@@ -1,4 +1,4 @@
-"""Floors, the empty room and what is known beforehand, as terms of the room's least-squares problem."""
+"""Floors, the empty room and priors, as terms of the room's least-squares problem."""
 
 from __future__ import annotations
 
@@ -18,32 +18,32 @@ from depth_pose.rooms.calibration_state import NEAR, NEAR_M, OFFSET, SIZE, Camer
 Array = NDArray[np.float64]
 
 _NEAR_SPREAD_M = 0.02
-"""Deviation of the nearness over sensors, metres."""
+"""Standard deviation of the depth bias across sensors (m)."""
 _OFFSET_SPREAD_S = 0.3
-"""Deviation of clock offsets, seconds. Set by hand."""
+"""Standard deviation of clock offsets (s). Set by hand."""
 
 _UP_SPREAD, _HEIGHT_SPREAD_M = np.radians(0.5), 0.03
-"""Deviation of the floor that depth images show: direction (radians), height. Set by hand."""
+"""Standard deviation of a floor found in depth images: direction (radians), height (m). Set by hand."""
 _ROUGH = 8.0
-"""The same for a floor that is estimated from people, as a multiple. Set by hand."""
+"""Factor on it for a floor estimated from people. Set by hand."""
 
 _FIXED = 1e9
-"""Weight of what does not move, 1/m^2: far above all others."""
+"""Weight of fixed unknowns (1/m^2): far above all others."""
 
 _SURFACE_M, _SURFACE_PER_M = 0.012, 0.0015
-"""Deviation of the empty room's points (m), and its growth with the squared distance (1/m), as of sensors
-that measure disparity. Set by hand."""
+"""Standard deviation of the empty room's points (m), and its growth with the squared distance (1/m), as for
+disparity sensors. Set by hand."""
 _OVER_TIME = 1.5
-"""Deviation that an average keeps, as a multiple of that over time: noisy sensors are biased as well. Chosen
-on simulated pairs and a trio from 0, 0.5, 1 and 2."""
+"""Standard deviation that an average over time keeps, as a multiple of that over time, since noisy sensors
+are biased as well. Chosen on simulated pairs and a trio from 0, 0.5, 1 and 2."""
 _ALIKE_POINTS = 20.0
-"""Number of neighbouring points that err alike. Set by hand."""
+"""Number of neighbouring points with a common error. Set by hand."""
 _SAME_COS = np.cos(np.radians(35.0))
-"""Normals of one surface in two cameras differ by less than this. Set by hand."""
+"""Maximum angle between the normals of one surface in two cameras. Set by hand."""
 
 
 def add_priors(normal: Normal, states: Sequence[CameraState], floors: Sequence[Floor]) -> None:
-    """Add each camera's floor, the spread of clocks and nearness, and hold the first camera's place."""
+    """Add floors and the priors of clock offset and depth bias; fix the first camera's pose."""
     for c, (state, floor) in enumerate(zip(states, floors, strict=True)):
         rough = 1.0 if floor.source == "depth images" else _ROUGH
         up = state.T_room_camera[:3, :3] @ floor.up
@@ -59,13 +59,13 @@ def add_priors(normal: Normal, states: Sequence[CameraState], floors: Sequence[F
         residual = np.array([state.offset, state.near - NEAR_M])
         spreads = np.array([_OFFSET_SPREAD_S if c else 1e-6, _NEAR_SPREAD_M])
         normal.add([(c, J)], residual, 1.0 / spreads**2)
-    J = np.zeros((3, SIZE))  # no turn about the vertical, no shift
+    J = np.zeros((3, SIZE))  # no rotation about the vertical, no translation
     J[0, 2] = J[1, 3] = J[2, 4] = 1.0
     normal.add([(0, J)], np.zeros(3), np.full(3, _FIXED))
 
 
 def add_fixed(normal: Normal, pairs: Sequence[tuple[int, int]]) -> None:
-    """Let both cameras of each pair move alike, so that they keep their pose to each other."""
+    """Move both cameras of each pair alike, so that they keep their relative pose."""
     J = np.eye(6, SIZE)
     for a, b in pairs:
         normal.add([(a, J), (b, -J)], np.zeros(6), np.full(6, _FIXED))
@@ -101,7 +101,7 @@ def add_surfaces(
     ----------
     normal, states, terms
     reach_m : float
-        Distance (m) beyond which a point has no partner; half of it halves its weight.
+        Maximum distance (m) of a pair; at half of it the weight is halved.
     """
     found = []
     for a, b, surface_a, surface_b, tree_b in terms:

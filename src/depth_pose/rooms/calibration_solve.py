@@ -20,9 +20,9 @@ Array = NDArray[np.float64]
 _PEOPLE_ROUNDS = 12
 """Rounds of reweighted Gauss-Newton with people only. Set by hand."""
 _UNKNOWN = 0.01
-"""Weight of what is not known, 1/m^2: a deviation of 10 m."""
+"""Weight of unconstrained unknowns (1/m^2): a standard deviation of 10 m."""
 _REACHES_M = (0.3, 0.3, 0.25, 0.25, 0.2, 0.2, 0.15, 0.15, 0.1, 0.1, 0.1, 0.08, 0.08, 0.08)
-"""Reach of the empty room's correspondences in each round, metres. Set by hand."""
+"""Maximum distance of the empty room's correspondences in each round (m). Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Solution:
     covariance : (C * SIZE, C * SIZE) float64
         Of the unknowns of `depth_pose.rooms.calibration_terms`.
     covariance_by_room : (C * SIZE, C * SIZE) float64
-        The same by floors and the empty room alone.
+        The same from floors and the empty room alone.
     residual : float
         Median distance of joints that two cameras see, metres; NaN without people.
     surfaces : tuple of (int, int, int, float)
@@ -106,14 +106,14 @@ def _inverse(matrix: Array) -> Array:
 
 
 def moved_covariance(covariance: Array, camera: int, point: Array) -> Array:
-    """Return the covariance (3, 3) of a point, m^2, moved by a camera's error against the first one."""
+    """Return the covariance (3, 3), m^2, of a point under a camera's pose error relative to the first one."""
     x, y, z = point
     J = np.hstack([-cross_matrix(x, y, z), np.eye(3)])
     return np.asarray(J @ _relative(covariance, camera) @ J.T)
 
 
 def turned_deviation(covariance: Array, camera: int) -> float:
-    """Return the deviation of a camera's turn against the first one, radians."""
+    """Return the standard deviation of a camera's orientation relative to the first one's, radians."""
     return float(np.sqrt(np.trace(_relative(covariance, camera)[:3, :3])))
 
 

@@ -1,9 +1,9 @@
 """The unknowns of a room's least-squares problem, and its normal equations.
 
 Unknowns of each camera, `SIZE` numbers: a small motion of its pose in the room (rotation vector, then
-translation: ``q -> q + w x q + t``), its clock's offset (s), and by how much people appear too near along its
-rays (m). The last is there since the joints of a body that is fitted to a surface lie up to some centimetres
-too near, in either camera, which no transform explains.
+translation: ``q -> q + w x q + t``), its clock's offset (s), and its depth bias, by which people appear too
+near along its rays (m). The bias is needed because the joints of a fitted body lie up to a few centimetres
+too near in every camera, which no transform explains.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ Array = NDArray[np.float64]
 SIZE = 8
 """Number of unknowns of a camera."""
 OFFSET, NEAR = 6, 7
-"""Indices of the clock's offset and of the nearness."""
+"""Indices of the clock offset and of the depth bias."""
 NEAR_M = 0.03
-"""By how much people appear too near, mean over sensors, metres."""
+"""Depth bias, mean over sensors (m)."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class CameraState:
     offset : float
         Its clock minus the room's, seconds.
     near : float
-        By how much people's pelvises appear too near along its rays, metres.
+        Depth bias: distance by which the pelvis appears too near along its rays, metres.
     """
 
     T_room_camera: Array

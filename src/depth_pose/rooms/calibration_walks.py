@@ -1,4 +1,4 @@
-"""Tracks of people as walks over the floor: places and facings of a levelled camera."""
+"""Tracks of people over the floor: positions and facing directions of a levelled camera."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ _TRUNK = [JOINT_INDEX[n] for n in ("pelvis", "spine", "chest", "neck")]
 _LEFT = [JOINT_INDEX["left_shoulder"], JOINT_INDEX["left_hip"]]
 _RIGHT = [JOINT_INDEX["right_shoulder"], JOINT_INDEX["right_hip"]]
 _RATE_HZ = 5.0
-"""Moments a second of a track that are compared. Set by hand."""
+"""Number of a track's moments compared per second. Set by hand."""
 _MOST_GAP_S = 0.6
-"""Moments are interpolated if they are at most this far apart, seconds. Set by hand."""
+"""Maximum time between two moments for interpolation (s). Set by hand."""
 _LEAST_FRAMES, _LEAST_S = 3, 0.5
-"""Shorter tracks are not compared: frames, seconds. Set by hand."""
+"""Minimum length of a compared track: frames, seconds. Set by hand."""
 
 
 @dataclass(frozen=True)
 class Walk:
-    """A levelled track: places and facings on the floor.
+    """A levelled track: positions and facing directions on the floor.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class Walk:
     sides : (N, 2) float64
         From the right side to the left, length 1.
     seconds : (N,) float64
-        Time that each moment stands for.
+        Time represented by each moment.
     """
 
     times: Array
@@ -45,7 +45,7 @@ class Walk:
     seconds: Array
 
     def at(self, times: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Interpolate places and sides at times (M,); and whether the walk covers them."""
+        """Interpolate positions and sides at times (M,); also return whether the walk covers them."""
         after = np.clip(np.searchsorted(self.times, times), 1, len(self.times) - 1)
         gap = np.maximum(self.times[after] - self.times[after - 1], 1e-6)
         share = (times - self.times[after - 1]) / gap
@@ -56,13 +56,13 @@ class Walk:
         return places, sides, covered
 
     def mirrored(self) -> Walk:
-        """Return the walk in a mirror; a body's left becomes its right, as a tracker names them."""
+        """Return the mirrored walk; a body's left becomes its right, as a tracker would label it."""
         flip = np.array([1.0, -1.0])
         return Walk(self.times, self.places * flip, -self.sides * flip, self.seconds)
 
 
 def level_walk(track: BodyTrack, T_floor_camera: Array) -> Walk | None:
-    """Return a track's places and facings on the floor; None if it is too short to be compared."""
+    """Return a track's positions and facing directions on the floor; None if it is too short."""
     if len(track.times) < _LEAST_FRAMES or track.times[-1] - track.times[0] < _LEAST_S:
         return None
     step = max(1, int(np.floor(1.0 / (_RATE_HZ * max(float(np.median(np.diff(track.times))), 1e-3)))))

@@ -1,4 +1,4 @@
-"""What one camera's pipeline found in one frame, as the fusion of several cameras needs it."""
+"""The result of one camera's pipeline for one frame, as the fusion of several cameras needs it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from depth_pose.track.packed_people import PackedPeople, pack_people
 
 @dataclass(frozen=True)
 class CameraFrame:
-    """One frame of one camera; its people are packed, so that it is small in files.
+    """One frame of one camera; its people are packed, to keep files small.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class CameraFrame:
 
     @classmethod
     def of(cls, result: FrameResult, size: tuple[int, int]) -> CameraFrame:
-        """Take what is needed of a pipeline's result."""
+        """Make one from a pipeline's result."""
         return cls(
             result.people.stamp_ns,
             size,

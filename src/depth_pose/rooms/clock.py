@@ -1,4 +1,4 @@
-r"""Difference of a camera's clock from the others', from people who walk.
+r"""Estimate a camera's clock offset from people who walk.
 
 A camera whose stamps are too large by :math:`o` shows somebody with velocity :math:`v` at
 :math:`d = -v\,o` from where the others see them. Least squares over many sightings gives
@@ -16,13 +16,13 @@ _WINDOW_S = 20.0
 """Time constant (s) over which sightings are remembered; set by hand."""
 
 _CORRELATED_S = 0.5
-"""Sightings closer in time than this (s) have the same errors; set by hand."""
+"""Correlation time (s) of the errors of sightings; set by hand."""
 
 _SLOW_M_S = 0.3
-"""Below this speed (m/s) a sighting says nothing; set by hand."""
+"""Minimum speed (m/s) of a person whose sighting is used; set by hand."""
 
 _ENOUGH_S = 5.0
-"""Least time (s) for which people must have walked; set by hand."""
+"""Minimum time (s) for which people must have walked; set by hand."""
 
 
 class ClockOffset:
@@ -41,7 +41,7 @@ class ClockOffset:
         Parameters
         ----------
         difference : (3,) float64
-            From where the other cameras see the person to where this one does, metres.
+            Position of the person by this camera minus that by the others, metres.
         velocity : (3,) float64
             The person's, m/s.
         passed_s : float
@@ -59,7 +59,7 @@ class ClockOffset:
 
     @property
     def offset_s(self) -> float:
-        """By how much the camera's stamps are too large, seconds; 0 before enough is known."""
+        """Offset by which the camera's stamps are too large, seconds; 0 before enough is known."""
         return -self._vd / self._vv if self._walked_s >= _ENOUGH_S else 0.0
 
     @property

@@ -1,8 +1,8 @@
 """Several cameras that see one room: everybody's skeleton in the room's frame.
 
-Each camera's people are linked to the people of the room (`depth_pose.rooms.tracks`). Whom several cameras
-see, one body is fitted to all their points (`depth_pose.rooms.room_refiner`); whom one camera sees, its
-answer is moved to the room's frame.
+Each camera's people are linked to the people of the room (`depth_pose.rooms.tracks`). One body is fitted to
+the points of all cameras that see a person (`depth_pose.rooms.room_refiner`); with a single camera, its
+answer is transformed to the room's frame.
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ class _Seen:
 
 
 class RoomFusion:
-    """From the answers of several cameras to skeletons in the room's frame.
+    """Fuses the answers of several cameras to skeletons in the room's frame.
 
     Parameters
     ----------
     bank : Bank
     rig : Rig
-        Where the cameras stand.
+        The cameras' poses.
     config : PipelineConfig
 
     Attributes
@@ -89,7 +89,7 @@ class RoomFusion:
         return stamp_ns - round(self.rig.clock_offsets[camera] * 1e9)
 
     def take(self, camera: int, frame: CameraFrame) -> None:
-        """Take a camera's frame, and link its people; frames come in the order of their room stamps.
+        """Add a camera's frame and link its people; frames must be in the order of their room stamps.
 
         Raises
         ------
@@ -116,7 +116,7 @@ class RoomFusion:
         self._newest[camera] = stamp_ns, max(_FRESH_NS, round(_LATE * period_ns)), people
 
     def answer(self, stamp_ns: int) -> RoomResult:
-        """Answer for everybody whom a camera has seen a moment ago.
+        """Compute the skeletons of everybody seen recently.
 
         Parameters
         ----------
@@ -139,10 +139,10 @@ class RoomFusion:
         return RoomResult(skeletons, self._follower.choose(skeletons, stamp_ns, ROOM_FRAME))
 
     def _answer_for(self, room_id: str, seen: Sequence[_Seen], stamp_ns: int) -> Skeleton:
-        """Answer for one person, from one camera or from several."""
+        """Compute the skeleton of one person, from one camera or from several."""
         memory = self._memories.setdefault(room_id, RoomMemory(JointFilter(self._smooth)))
         person = self._tracks.person(room_id)
-        assert person is not None, "who is forgotten is not seen"
+        assert person is not None, "a forgotten person has no view"
         answers = []
         for one in seen:
             target = self._refiner.bodies.target(one.person)

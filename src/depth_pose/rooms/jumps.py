@@ -1,4 +1,4 @@
-"""How far the people of one camera jump at once: of two cameras that disagree, it tells the moved one."""
+"""Measure how far all people of a camera jump at once, to tell which of two cameras was moved."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from depth_pose.rooms.sightings import RoomSighting
 
 _GAP_S = 1.0
-"""Time (s) for which somebody is remembered; set by hand."""
+"""Time (s) for which a lost person is remembered; set by hand."""
 
 _VELOCITY_S, _FASTEST_M_S = 0.1, 3.0
 """Time constant (s) of the velocity, and its maximum (m/s); set by hand."""
@@ -25,7 +25,7 @@ class _Seen:
 
 
 class JumpMeter:
-    """Compares each person of a camera with where its own earlier frames let it expect them."""
+    """Compares each person's position with the one predicted from the camera's earlier frames."""
 
     def __init__(self) -> None:
         self._seen: dict[str, _Seen] = {}
@@ -33,7 +33,7 @@ class JumpMeter:
     def measure(self, stamp_ns: int, people: Sequence[RoomSighting]) -> float:
         """Return the median jump (m, horizontal) of the people in the next frame; 0 where all are new.
 
-        Who has a new id is compared with the nearest of those who have gone.
+        A person with a new id is compared with the nearest person who has disappeared.
         """
         self._seen = {i: s for i, s in self._seen.items() if 0 < stamp_ns - s.stamp_ns <= _GAP_S * 1e9}
         here = {person.body_id for person in people}

@@ -6,7 +6,7 @@ Each joint of each camera is a Gaussian. Its size comes from the joint's confide
 .. math:: p = \operatorname{erf}(x / \sqrt{2}) - \sqrt{2 / \pi}\, x\, e^{-x^2 / 2}, \qquad x = 0.1 / \sigma.
 
 It is longer along the camera's ray than across. The merged joint is the mode of the product of Student's t
-densities (iteratively reweighted least squares), so that a camera far from the others has no say.
+densities (iteratively reweighted least squares), so that a camera far from the others has no influence.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _WEAKER = np.array([1.0, 1.2, 1.5, 4.0])
 """Factor on the spread of joints by `JointState`; set by hand."""
 
 _AGING_M_S = 0.5
-"""Spread gained by the age of a sighting (m/s), beyond the person's own velocity; set by hand."""
+"""Growth of the spread with the age of a sighting (m/s), beyond the person's velocity; set by hand."""
 
 _SHARED_M = 0.02
 """Spread of the errors that all cameras have in common (m); set by hand."""
@@ -46,10 +46,10 @@ _STEPS = 4
 """Steps of the reweighting; set by hand."""
 
 _LEAST_SHARE = 0.2
-"""A camera with less than this share of the largest weight does not decide about a joint's state."""
+"""Minimum weight, as a share of the largest, of a camera that decides a joint's state."""
 
 _DOUBT_LEFT = 0.3
-"""Least share of the best camera's doubt that is left in the merged confidence; set by hand."""
+"""Minimum share of the best camera's doubt that remains in the merged confidence; set by hand."""
 
 _RATIOS: Array = np.linspace(0.0, 6.0, 601)
 _CHANCES: Array = np.array(
@@ -58,7 +58,7 @@ _CHANCES: Array = np.array(
         for x in _RATIOS.tolist()
     ]
 )
-"""Probability that a joint is within `WITHIN_M` by the ratio of that to the spread."""
+"""Compute the probability that a joint is within `WITHIN_M`, from the ratio of that to the spread."""
 
 _CERTAIN = 0.998
 """Confidences are clipped to this and its complement before they become spreads; set by hand."""
@@ -73,9 +73,9 @@ class PlacedSkeleton:
     skeleton : Skeleton
         Room frame; not lost.
     eye : (3,) float64
-        The camera's place in the room, metres.
+        The camera's position in the room, metres.
     offset : (3,) float64
-        The person's way from the skeleton's stamp to the common one, metres.
+        The person's displacement from the skeleton's stamp to the common one, metres.
     age_s : float
         Time between the two stamps, seconds.
     """
@@ -108,13 +108,13 @@ def place(skeleton: Skeleton, T_room_camera: Array, frame_id: str) -> Skeleton:
 
 
 def spread_of(confidence: NDArray[np.floating]) -> Array:
-    """Return the spread (m, in each direction) of joints by their confidences."""
+    """Compute the spread of joints (m, per direction) from their confidences."""
     chance = np.clip(np.asarray(confidence, np.float64), 1.0 - _CERTAIN, _CERTAIN)
     return np.asarray(WITHIN_M / np.interp(chance, _CHANCES, _RATIOS))
 
 
 def confidence_of(spread: Array) -> Array:
-    """Return the confidences of joints by their spreads (m)."""
+    """Compute the confidences of joints from their spreads (m)."""
     return np.asarray(np.interp(WITHIN_M / np.maximum(spread, 1e-3), _RATIOS, _CHANCES))
 
 
@@ -169,7 +169,7 @@ def _information(seen: PlacedSkeleton) -> Array:
 def _modes(positions: Array, information: Array) -> tuple[Array, Array]:
     """Find the merged joints (19, 3) and the weights (N, 19) of the cameras.
 
-    It begins at the camera that agrees best with all of them: of two, at the surer.
+    The iteration starts at the camera that agrees best with all; of two cameras, at the more confident one.
     """
     if len(positions) == 1:
         return positions[0], np.ones(positions.shape[:2])
@@ -194,7 +194,7 @@ def _confidence(
 ) -> NDArray[np.float32]:
     """Return the confidences (19,) of the merged joints.
 
-    Of one camera its own; of several that of the merged covariance, widened where they disagree.
+    One camera keeps its own; several give that of the merged covariance, widened by their disagreement.
     """
     given = np.array([s.joint_confidence for s in skeletons], np.float64)
     if len(skeletons) == 1:

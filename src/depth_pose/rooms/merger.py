@@ -1,4 +1,4 @@
-"""Merge the skeletons of several cameras: one a person, in the room's frame.
+"""Merge the skeletons of several cameras: one per person, in the room's frame.
 
 Its z is up, the floor is at z = 0; metres.
 """
@@ -23,18 +23,18 @@ from depth_pose.rooms.tracks import RoomTracks
 from depth_pose.rooms.watch import CLOCK_S, CameraWatch
 
 SEEN_NS = 200_000_000
-"""Sightings older than this take no part, nanoseconds."""
+"""Maximum age of a sighting that is merged (ns)."""
 
 _KEPT_NS = 500_000_000
-"""Time for which a person's last joints tell left from right, nanoseconds; set by hand."""
+"""Maximum age of the last joints that decide left and right (ns); set by hand."""
 
 _SURE = 2.0
-"""A difference of clocks must exceed `CLOCK_S` by this many standard deviations; set by hand."""
+"""Number of standard deviations by which a clock offset must exceed `CLOCK_S`; set by hand."""
 
 
 @dataclass(eq=False)
 class _Kept:
-    """What is kept of one person: the filter, and the last merged joints."""
+    """State of one person: the filter, and the last merged joints."""
 
     filter: JointFilter
     stamp_ns: int = 0
@@ -60,7 +60,7 @@ class RoomMerger:
     frame_id : str
         Name of the room's frame.
     clock_offsets_s : sequence of float
-        By how much each camera's stamps are too large, seconds; zero by default.
+        Offset by which each camera's stamps are too large, seconds; zero by default.
     smooth : SmoothConfig
         Of the low-pass filter on the merged joints.
 
@@ -94,7 +94,7 @@ class RoomMerger:
         """Do nothing: there is nothing to compile."""
 
     def reset(self) -> None:
-        """Forget everybody; what is known of the cameras stays."""
+        """Forget everybody; the cameras' states are kept."""
         self.tracks.reset()
         self._kept = {}
 
@@ -105,7 +105,7 @@ class RoomMerger:
     def add(
         self, camera: int, stamp_ns: int, skeletons: Sequence[Skeleton], now_s: float | None = None
     ) -> None:
-        """Take the people of one frame of one camera.
+        """Add the people of one frame of one camera.
 
         Parameters
         ----------
@@ -139,7 +139,7 @@ class RoomMerger:
         self._correct_clocks()
 
     def skeletons_at(self, stamp_ns: int) -> tuple[Skeleton, ...]:
-        """Merge what the cameras saw lately.
+        """Merge the recent sightings of all cameras.
 
         Parameters
         ----------
@@ -149,7 +149,7 @@ class RoomMerger:
         Returns
         -------
         tuple of Skeleton
-            One for each person, in the room's frame; without those whom only one camera sees, with too little
+            One per person, in the room's frame; without those that only one camera sees with too little
             confidence.
         """
         people = [p for p in self.tracks.people if p.is_sure]

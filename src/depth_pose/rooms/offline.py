@@ -1,4 +1,4 @@
-"""Offline runs of a room: the recordings of several cameras to one recording of skeletons."""
+"""Process a room offline: from the recordings of several cameras to one recording of skeletons."""
 
 from __future__ import annotations
 
@@ -19,10 +19,11 @@ from depth_pose.rooms.rig import ROOM_FRAME
 from depth_pose.rooms.watching import Watched, read_spool
 
 _SILENT = 2.5
-"""Frame periods without a frame of the leading camera after which the frames of others are answered."""
+"""Number of frame periods without a frame of the leading camera after which other cameras' frames are
+answered."""
 
 _FASTER = 0.8
-"""A camera leads before an earlier one if its frame period is at most this share; set by hand."""
+"""Maximum frame period, as a share of an earlier camera's, of a camera that leads instead; set by hand."""
 
 _LEAST_PERIOD_NS = 1_000_000
 """Least frame period, nanoseconds."""
@@ -41,7 +42,7 @@ class RoomSummary:
     most_people : int
         Most people at one moment.
     shared : float
-        Share of the skeletons that several cameras made.
+        Share of the skeletons that combine several cameras.
     ids : int
         Different people.
     sources : dict of str to int
@@ -70,7 +71,7 @@ def process_room(
     *,
     markers: bool = False,
 ) -> RoomSummary:
-    """Fuse what all cameras saw and write the skeletons in the room's frame.
+    """Fuse the frames of all cameras and write the skeletons in the room's frame.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""One camera of a rig: skeletons in the room's frame as its own images have them."""
+"""One camera of a rig: skeletons of the room in the camera's frame and clock."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Answer = Callable[[DepthFrame], tuple[Skeleton, ...] | None]
 
 @dataclass(frozen=True)
 class PlacedCamera:
-    """A camera, its place in the room, and its clock.
+    """A camera, its pose in the room, and its clock offset.
 
     Attributes
     ----------

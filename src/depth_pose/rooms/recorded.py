@@ -1,4 +1,4 @@
-"""Recorded skeletons that may be in a room's frame, at any time.
+"""Recorded skeletons, interpolated to any time, also in a room's frame.
 
 `depth-pose run --rig` answers at the frames of the fastest camera, in the first camera's clock. At other
 times, the frames of another camera or of a truth, each person's skeleton is interpolated between the two

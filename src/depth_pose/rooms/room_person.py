@@ -26,11 +26,11 @@ from numpy.typing import NDArray
 from depth_pose.rooms.sightings import RoomSighting
 
 FRESH_NS = 300_000_000
-"""Maximum age of a sighting that tells where a person is now, nanoseconds; set by hand."""
+"""Maximum age of a sighting that gives a person's current position (ns); set by hand."""
 
 _SPREAD_M, _SPREAD_M_S = 0.155, 0.16
-"""Spread of a person's place between cameras (m), and its growth while unseen (m/s): with `_NEWCOMERS`,
-distances up to 0.5 m are accepted at once and up to 2 m after five seconds; set by hand."""
+"""Spread of a person's position between cameras (m), and its growth while unseen (m/s). With `_NEWCOMERS`, it
+accepts distances up to 0.5 m at once and up to 2 m after five seconds; set by hand."""
 
 _NEWCOMERS = 0.02
 """Density of newcomers, 1/m^2; set by hand."""
@@ -42,7 +42,7 @@ _ALONE = 40.0
 """The same where no other camera sees the person and this one saw them a moment ago; set by hand."""
 
 _SIZE_SD, _WORST_SIZE = 0.1, -4.0
-"""Spread of the logarithm of size, and the least gain (nats) from it; set by hand."""
+"""Spread of the logarithm of size, and the minimum of its term (nats); set by hand."""
 
 _SIZE_SHARE = 0.05
 """Weight of a new size in the running one; set by hand."""
@@ -68,12 +68,12 @@ class View:
 
 @dataclass(eq=False)
 class RoomPerson:
-    """Somebody in the room, with each camera's last view of them.
+    """One person in the room, with each camera's last view.
 
     Attributes
     ----------
     number : int
-        Of the id; older people have smaller ones.
+        Number in the id; older people have smaller ones.
     views : dict of int to View
         By the camera's number.
     velocity : (3,) float64
@@ -81,7 +81,7 @@ class RoomPerson:
     log_size : float or None
         Logarithm of the size relative to the bank's body.
     split_from : RoomPerson or None
-        The person whom a camera took this one for until then.
+        The person that a camera had confused with this one until then.
     shared : bool
         Whether two cameras have seen them at once.
     trust : float
@@ -108,18 +108,18 @@ class RoomPerson:
 
     @property
     def is_sure(self) -> bool:
-        """Whether this is hardly a thing that one camera takes for a person."""
+        """Whether this is a person with enough confidence, not an object that one camera mistakes for one."""
         return self.shared or self.trust >= _SURE
 
     def offset(self, view: View, stamp_ns: int) -> NDArray[np.float64]:
-        """Return the way (3,), metres, from a view to a stamp; who is unseen comes to rest."""
+        """Return the displacement (3,), metres, from a view to a stamp; an unseen person comes to rest."""
         span = (stamp_ns - view.stamp_ns) * 1e-9
         if span > 0.0:
             span = _COASTING_S * (1.0 - math.exp(-span / _COASTING_S))
         return self.velocity * span
 
     def fresh(self, stamp_ns: int, without: int = -1) -> list[View]:
-        """Return the views by cameras, except one, that tell where the person is now."""
+        """Return the recent views of all cameras but one."""
         return [v for c, v in self.views.items() if c != without and abs(stamp_ns - v.stamp_ns) <= FRESH_NS]
 
     def has(self, camera: int, body_id: str) -> bool:

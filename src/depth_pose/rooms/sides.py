@@ -1,4 +1,4 @@
-"""Left and right: skeletons of one person by cameras of which one took the front for the back."""
+"""Resolve left and right between cameras, one of which confused front and back."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _SIDED = np.flatnonzero(np.arange(len(JOINTS)) != MIRROR_JOINTS)
 """Joints that have a left and a right one."""
 
 _CLEARLY, _CLEARLY_M = 0.7, 0.05
-"""A skeleton is mirrored if its mirror image is nearer: its distance at most this share of the other, and
-smaller by this (m); set by hand."""
+"""Maximum distance of the mirror image, as a share of the skeleton's own, and the minimum gain (m), for a
+skeleton to be mirrored; set by hand."""
 
 _MEMORY = 0.5
-"""Weight of the last merged skeleton, in confidences of skeletons; set by hand."""
+"""Weight of the last merged skeleton, in units of confidence; set by hand."""
 
 _MIRRORED_TRUST = 0.5
 """Factor on the confidence of joints whose sides were exchanged; set by hand."""
@@ -52,7 +52,7 @@ def agree_on_sides(seen: Sequence[PlacedSkeleton], before: Array | None) -> list
 
 
 def exchange_sides(skeleton: Skeleton) -> Skeleton:
-    """Return a skeleton that faces the other way: left and right exchanged, every place kept."""
+    """Return the skeleton with left and right exchanged: the same positions, facing the other way."""
     x, y, z, w = skeleton.quats_xyzw[MIRROR_JOINTS].T
     return replace(
         skeleton,

@@ -1,4 +1,4 @@
-"""People as single cameras see them, in the room's frame: z up, the floor at z = 0, metres."""
+"""One camera's view of a person, in the room's frame: z up, the floor at z = 0, metres."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ TRUNK: NDArray[np.int64] = np.array(
         )
     ]
 )
-"""Joints that tell where somebody is."""
+"""Joints that define a person's position."""
 
 _KNOWN = 0.3
-"""Minimum confidence of a joint whose place is compared; set by hand."""
+"""Minimum confidence of a joint that is compared; set by hand."""
 
 _ENOUGH = 2
 """Minimum number of known joints for a comparison; set by hand."""
@@ -49,7 +49,7 @@ class RoomSighting:
     build : (13,) float32
         Proportions (`depth_pose.body.build.BUILD_NAMES`); empty where they are not known.
     skeleton : Skeleton or None
-        What it was made of.
+        The skeleton that it was made from.
     """
 
     body_id: str
@@ -63,7 +63,7 @@ class RoomSighting:
 
     @classmethod
     def of(cls, skeleton: Skeleton) -> RoomSighting:
-        """Make one of a skeleton in the room's frame that is not lost."""
+        """Make one from a skeleton in the room's frame that is not lost."""
         return cls(
             skeleton.body_id,
             skeleton.positions,
@@ -77,11 +77,11 @@ class RoomSighting:
 
     @property
     def known(self) -> NDArray[np.bool_]:
-        """Which joints (19,) have a place that can be compared."""
+        """Mask of the joints (19,) that can be compared."""
         return (self.joint_states != JointState.LOST) & (self.joint_confidence >= _KNOWN)
 
     def shift_to(self, other: RoomSighting) -> NDArray[np.float64]:
-        """Return the median displacement (3,), metres, of the trunk from here to another sighting.
+        """Return the median displacement (3,), metres, of the trunk from this sighting to another.
 
         Only joints known in both count: those of the trunk, or all where too few of it are known.
         """

@@ -1,4 +1,4 @@
-"""Poses from which the fit to several cameras starts: each camera's own answer, and the best limbs of all."""
+"""Initial poses of the fit to several cameras: each one's own answer, and the best limbs combined."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _TRUNK = [JOINT_INDEX[name] for name in ("pelvis", "spine", "chest", "neck")]
 def best_limbs(
     poses: Sequence[BodyPose], confidence: Sequence[NDArray[np.floating]], scale: float
 ) -> BodyPose:
-    """Combine poses of one person: the trunk and each limb from the camera that is surest of it.
+    """Combine poses of one person: the trunk and each limb from the camera with the highest confidence.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
-"""Who is who over several cameras: every person in the room has one id.
+"""Tracking over several cameras: every person in the room has one id.
 
-Each camera's own tracker names its people; here those names are linked to the people of the room, at the
-largest sum of gains (`depth_pose.rooms.room_person`). Who is linked to nobody is new. Two people of the room
-who are seen at one place for a while, and by no camera side by side, are one.
+Each camera's own tracker gives ids to its people; here those ids are linked to the people of the room, with
+the largest sum of gains (`depth_pose.rooms.room_person`). A person without a link is new. Two people of the
+room at one position for a while, whom no camera sees side by side, are merged.
 """
 
 from __future__ import annotations
@@ -20,26 +20,27 @@ from depth_pose.rooms.sightings import RoomSighting
 from depth_pose.track.tracks import best_pairs
 
 FORGET_NS = 10_000_000_000
-"""Time after which a person whom no camera sees is forgotten, nanoseconds."""
+"""Time (ns) after which a person that no camera sees is forgotten."""
 
 _BACK_NS = 1_000_000_000
-"""Stamps that go back by more than this (ns) begin a new session: everything is forgotten; set by hand."""
+"""A jump back of the stamps by more than this (ns) begins a new session; set by hand."""
 
 _JUMP_M = 1.5
-"""Whom a camera that was moved suddenly sees somewhere else is at most so far away (m); set by hand."""
+"""Maximum distance (m) at which a moved camera suddenly sees the same person; set by hand."""
 
 _ONE_PERSON = ((0.3, 0.5), (0.5, 2.0))
-"""Two people closer than the first (m) for the second (s), never seen side by side, are one; set by hand."""
+"""Two people closer than this distance (m) for this time (s), never seen side by side, are merged; set by
+hand."""
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """One person as a camera sees them, beside what another camera sees.
+    """Comparison of one person's positions by two cameras.
 
     Attributes
     ----------
     difference : (3,) float64
-        From where the other camera saw them, moved to this camera's stamp, metres.
+        This camera's position minus the other one's, moved to this camera's stamp, metres.
     velocity : (3,) float64
         The person's, m/s.
     """
@@ -61,7 +62,7 @@ class RoomTracks:
     people : list of RoomPerson
         All who are remembered, older ones first.
     same : dict of str to str
-        Ids that turned out to be those of an older person: the younger id, and the older one.
+        Ids of merged people: from the younger id to the older one.
     """
 
     def __init__(self) -> None:
@@ -76,7 +77,7 @@ class RoomTracks:
         self._newest_ns = 0
 
     def person(self, room_id: str) -> RoomPerson | None:
-        """Return who has an id; None where nobody has."""
+        """Return the person with an id; None if there is none."""
         return next((p for p in self.people if p.room_id == room_id), None)
 
     def assign(self, camera: int, stamp_ns: int, people: Sequence[RoomSighting]) -> tuple[str, ...]:
@@ -114,7 +115,7 @@ class RoomTracks:
         return tuple(merged.get(found[k], found[k]).room_id for k in range(len(people)))
 
     def leave_out(self, camera: int) -> None:
-        """Forget what a camera saw, and the people whom only it saw."""
+        """Forget a camera's views, and the people that only it saw."""
         for person in self.people:
             person.views.pop(camera, None)
         self.people = [p for p in self.people if p.views]
@@ -122,8 +123,8 @@ class RoomTracks:
     def compare(self, camera: int, stamp_ns: int) -> list[Comparison]:
         """Compare the people of a camera's newest frame with what the other cameras see.
 
-        Where all are seen by this camera alone, those whom it suddenly saw somewhere else are compared with
-        the people for whom it took them.
+        If only this camera sees people, those that suddenly appeared elsewhere are compared with the people
+        that they were split from.
         """
         mine = [(p, p.views[camera].sighting) for p in self.people if p.is_in(camera, stamp_ns)]
         before = [(p.split_from, sighting) for p, sighting in mine if p.split_from is not None]
@@ -134,7 +135,7 @@ class RoomTracks:
         return []
 
     def compare_nearest(self, camera: int, stamp_ns: int, people: Sequence[RoomSighting]) -> list[Comparison]:
-        """Compare people of a camera that is left out with the nearest that the other cameras see."""
+        """Compare the people of an excluded camera with the nearest ones that the other cameras see."""
         seen = [p for p in self.people if p.fresh(stamp_ns, without=camera)]
         pairs = [[self._comparison(p, sighting, camera, stamp_ns) for p in seen] for sighting in people]
         return [min(each, key=lambda c: c.distance) for each in pairs if each]
@@ -150,7 +151,7 @@ class RoomTracks:
     def _begin(
         self, camera: int, stamp_ns: int, sighting: RoomSighting, found: Mapping[int, RoomPerson]
     ) -> RoomPerson:
-        """Begin a person; note whom the camera saw there a moment ago and does not see any more."""
+        """Start a new person; remember whom the camera saw nearby a moment ago and has lost."""
         here = [
             p
             for p in self.people
@@ -178,7 +179,7 @@ class RoomTracks:
         return {k: self.people[i] for i, k in best_pairs(gains, len(self.people), len(people))}
 
     def _merge_doubles(self, stamp_ns: int) -> dict[RoomPerson, RoomPerson]:
-        """Make one of two who are at one place; return the younger with the older."""
+        """Merge two people at one position; return the younger and the older."""
         merged: dict[RoomPerson, RoomPerson] = {}
         for old, young in combinations(self.people, 2):
             if old not in merged and young not in merged and self._are_one(old, young, stamp_ns):
@@ -193,7 +194,7 @@ class RoomTracks:
         return merged
 
     def _are_one(self, old: RoomPerson, young: RoomPerson, stamp_ns: int) -> bool:
-        """Whether two have been at one place for long enough, and no camera sees them side by side."""
+        """Whether two people shared one position for long enough, and no camera sees both side by side."""
         views, others = young.fresh(stamp_ns), old.fresh(stamp_ns)
         together = old.sees_with(young, stamp_ns)
         distance = math.inf

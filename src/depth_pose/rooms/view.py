@@ -1,4 +1,4 @@
-"""One person as one camera of a room sees them, with the camera's place at that moment."""
+"""One camera's view of one person, with the camera's pose at that moment."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from depth_pose.track.target import FitTarget
 class View:
     """A person's data from one camera, at the camera's own time.
 
-    The person moves on between the stamps of two cameras. All views of a frame hold for one time, so the
-    camera is placed as if it had moved in the person's stead.
+    The person moves between the stamps of two cameras. All views of a frame refer to one time, so the
+    camera's pose is shifted by the person's displacement instead.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class View:
 
     @cached_property
     def area(self) -> float:
-        """Surface of the person that the camera sees, square metres across its rays."""
+        """Visible area of the person, perpendicular to the rays, square metres."""
         camera = self.person.camera
         return float((self.person.points[:, 2] ** 2).sum() / (camera.fx * camera.fy))
 
@@ -79,7 +79,7 @@ def view_at(
     T_room_camera : (4, 4) float64
         Of the camera.
     way : (3,) float64
-        The person's way from the camera's stamp to the common time, room frame, metres.
+        The person's displacement from the camera's stamp to the common time, room frame, metres.
     """
     T = T_room_camera.copy()
     T[:3, 3] += way

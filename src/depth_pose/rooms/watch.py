@@ -1,4 +1,4 @@
-"""Which cameras take part: those that stopped, lag, or were moved are left out until they agree again."""
+"""Decide which cameras take part: those that stopped, lag or were moved wait until they agree again."""
 
 from __future__ import annotations
 
@@ -14,35 +14,36 @@ from depth_pose.rooms.clock import ClockOffset
 from depth_pose.rooms.tracks import Comparison
 
 STOPPED_S = 1.0
-"""A camera without a message for this long (s) has stopped."""
+"""Maximum silence (s) of a camera before it counts as stopped."""
 
 LATE_S = 0.2
-"""A camera whose messages come later after their stamps than another's by this (s) lags."""
+"""Maximum delay of a camera's messages (s) relative to the best camera's, before it counts as lagging."""
 
 MOVED_M, MOVED_S = 0.25, 2.0
-"""A camera that sees people this far (m) from where others do for this long (s) was moved."""
+"""Distance (m) between a camera's people and the others' that means, for this long (s), that it was moved."""
 
 BACK_S = 1.0
-"""A camera that was left out takes part again once it has agreed for this long (s)."""
+"""Time (s) for which an excluded camera must agree before it takes part again."""
 
 CLOCK_S = 0.02
-"""A difference of clocks above this (s) is reported."""
+"""Clock offset (s) above which it is reported."""
 
 _USUAL_DELAY_S = 0.1
-"""Usual time from a stamp to the skeleton's arrival (s): the camera nearest to it has the right clock."""
+"""Typical delay from a stamp to the skeleton's arrival (s); the clock of the camera nearest to it is
+trusted."""
 
 _DELAYS, _FEW_DELAYS = 30, 5
-"""Messages of a camera over which the least delay is taken, and the number below which it is not judged; set
+"""Number of messages over which a camera's minimum delay is taken, and the minimum number for a decision; set
 by hand."""
 
 _FASTER = 1.25
 """Factor by which another camera must be faster to set the pace; set by hand."""
 
 _GAP_S = 0.5
-"""A disagreement that nobody has seen for this long (s) is over; set by hand."""
+"""Time (s) without a comparison after which a disagreement ends; set by hand."""
 
 _JUMP_FADES_S = 3.0
-"""Time constant (s) for which a jump of all people of a camera is remembered; set by hand."""
+"""Time constant (s) of the memory of a jump of all of a camera's people; set by hand."""
 
 
 class CameraState(Enum):
@@ -57,14 +58,14 @@ class CameraState(Enum):
 
 @dataclass(eq=False)
 class WatchedCamera:
-    """What is known of one camera.
+    """State of one camera.
 
     Attributes
     ----------
     name : str
     state : CameraState
     residual_m : float
-        Median distance of its people from where the others see them; NaN where nobody is shared.
+        Median distance between its people and the others' views of them; NaN if no person is shared.
     clock : ClockOffset
     """
 
@@ -83,7 +84,7 @@ class WatchedCamera:
 
     @property
     def delay_s(self) -> float:
-        """Least time from a stamp to its arrival, seconds; NaN before there is any."""
+        """Minimum time from a stamp to its arrival, seconds; NaN before the first message."""
         return min(self.delays, default=math.nan)
 
     @property
@@ -99,7 +100,7 @@ class CameraWatch:
     Parameters
     ----------
     names : sequence of str
-        Of the cameras.
+        Names of the cameras.
 
     Attributes
     ----------
@@ -116,7 +117,7 @@ class CameraWatch:
         Parameters
         ----------
         before : int, optional
-            The answer of the last call, which stays unless another camera is clearly faster.
+            The result of the last call, which is kept unless another camera is clearly faster.
         """
         used = [c for c in range(len(self.cameras)) if self.is_used(c)]
         if not used:
@@ -130,7 +131,7 @@ class CameraWatch:
         return self.cameras[camera].state == CameraState.USED
 
     def news(self) -> list[str]:
-        """Return what changed since the last call, a line each."""
+        """Return the changes since the last call, one line each."""
         news, self._news = self._news, []
         return news
 
@@ -145,9 +146,9 @@ class CameraWatch:
         ----------
         camera : int
         stamp_ns : int
-            As it came, without correction.
+            Stamp of the message, uncorrected.
         now_s : float
-            Time of the arrival, seconds; delays are judged by it where the stamps are of the same clock.
+            Time of the arrival, seconds, from which delays are computed if it is in the stamps' clock.
         """
         of = self.cameras[camera]
         if of.heard_s is None or not 0.0 <= now_s - of.heard_s <= STOPPED_S:
@@ -163,7 +164,7 @@ class CameraWatch:
     def compare(
         self, camera: int, stamp_ns: int, now_s: float, compared: Sequence[Comparison], jump: float = 0.0
     ) -> None:
-        """Record where a camera sees people, beside the others.
+        """Record the distances between a camera's people and the others' views of them.
 
         Parameters
         ----------
@@ -199,7 +200,7 @@ class CameraWatch:
             of.agrees_s = now_s
 
     def check(self, now_s: float) -> list[int]:
-        """Update all states; return the cameras that have just been left out."""
+        """Update all states; return the cameras that were just excluded."""
         left_out = [c for c in range(len(self.cameras)) if self._check_messages(c, now_s)]
         apart_s = {
             c: (of.compared_ns - of.apart_ns) * 1e-9
@@ -207,7 +208,8 @@ class CameraWatch:
             if of.state == CameraState.USED and of.apart_ns is not None
         }
         if max(apart_s.values(), default=0.0) >= MOVED_S:
-            # two that disagree reach the limit a frame apart: whose people jumped, in doubt not the first
+            # two disagreeing cameras reach the limit within a frame: the one whose people jumped was moved,
+            # in doubt the later one
             apart = [c for c, seconds in apart_s.items() if seconds > MOVED_S - _GAP_S]
             moved = max(apart, key=lambda c: (round(self.cameras[c].jump_m, 2), c))
             of = self.cameras[moved]
@@ -223,7 +225,7 @@ class CameraWatch:
         return left_out
 
     def _check_messages(self, camera: int, now_s: float) -> bool:
-        """Check that messages come, in time; return whether the camera has just been left out."""
+        """Return whether the camera was just excluded because its messages stopped or lagged."""
         of = self.cameras[camera]
         if of.state == CameraState.WAITING or of.heard_s is None:
             return False
@@ -244,7 +246,7 @@ class CameraWatch:
         return before == CameraState.USED != of.state
 
     def _late_s(self, camera: int) -> float:
-        """Return how much later than the best camera's a camera's messages come (s)."""
+        """Return the delay of a camera's messages relative to the best camera's (s)."""
         judged = [of for of in self.cameras if len(of.delays) >= _FEW_DELAYS]
         delays = [of.delay_s for of in judged if of.state != CameraState.STOPPED]
         if not delays or self.cameras[camera] not in judged:
@@ -257,7 +259,7 @@ class CameraWatch:
             self._news.append(f"{of.name} {why}. It is left out")
 
     def _take_back(self, of: WatchedCamera, now_s: float) -> None:
-        """Take a camera back that has agreed for a while, or is in time again and disagrees with nobody."""
+        """Include a camera again once it agrees, or is punctual and disagrees with nobody, for a while."""
         if of.timely_s is None:
             of.timely_s = now_s
         since_s: float | None = of.timely_s

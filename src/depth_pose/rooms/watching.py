@@ -1,4 +1,4 @@
-"""One camera's recording, run by itself: every frame's people and poses, spooled to a file."""
+"""Run each camera's pipeline over its recording and spool every frame's people and poses to a file."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from depth_pose.rooms.camera_frame import CameraFrame
 
 @dataclass(frozen=True)
 class Watched:
-    """What one camera's recording had.
+    """Result of one camera's recording.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Watched:
 
 @dataclass(frozen=True)
 class Watch:
-    """How recordings are run.
+    """Settings of the runs.
 
     Attributes
     ----------
