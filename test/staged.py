@@ -14,7 +14,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as FACING
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS, NODES
-from depth_pose.core.types import PERSON, FoundPerson
+from depth_pose.core.types import PERSON, TrackedPerson
 from depth_pose.track.person_view import PersonView, see_people
 
 CAMERA = Camera(176, 144, 200.0, 200.0, 87.5, 71.5)
@@ -48,6 +48,6 @@ def depth_of(vertices: np.ndarray, body: Body | None = None) -> np.ndarray:
 
 def person_of(vertices: np.ndarray) -> PersonView:
     depth = depth_of(vertices)
-    found = FoundPerson(PERSON, "body_1", 1.0)
+    found = TrackedPerson(PERSON, "body_1", 1.0)
     points, labels = CAMERA.back_project(depth), (depth > 0).astype(np.uint8)
     return see_people(0, "camera", CAMERA, points, labels, [found]).persons[0]

@@ -13,7 +13,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as FACING
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX, NODE_PARENTS
-from depth_pose.core.types import HIDDEN, DepthFrame, FoundPerson
+from depth_pose.core.types import HIDDEN, DepthFrame, TrackedPerson
 from depth_pose.track.person_view import see_people
 
 CAMERA = Camera(176, 144, 190.0, 190.0, 87.5, 71.5)
@@ -140,7 +140,7 @@ def to_people(*depths, stamp_ns=START_NS, camera=CAMERA, hidden=None):
     z = np.where((labels > 0) & (labels != HIDDEN), z, np.nan)
     v, u = np.mgrid[: camera.height, : camera.width]
     points = np.stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z], axis=-1)
-    found = [FoundPerson(k + 1, f"body_{k + 1}", 1.0) for k in range(len(depths))]
+    found = [TrackedPerson(k + 1, f"body_{k + 1}", 1.0) for k in range(len(depths))]
     return see_people(stamp_ns, "optical", camera, points.astype(np.float32), labels, found)
 
 

@@ -20,7 +20,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.errors import DepthPoseError
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import NODES, Source
-from depth_pose.core.types import BUILD_SIZE, Candidate, FoundPerson, PoseMatch
+from depth_pose.core.types import BUILD_SIZE, Candidate, PoseMatch, TrackedPerson
 from depth_pose.ros.messages.matches import matches_to_msg, msg_to_matches
 from depth_pose.ros.messages.people import msgs_to_people, people_to_msgs
 from depth_pose.ros.messages.skeletons import (
@@ -41,7 +41,7 @@ def everybody() -> Any:
     points = CAMERA.back_project(np.where(labels > 0, np.float32(2.0), np.float32(0.0)))
     rng = np.random.default_rng(0)
     found = [
-        FoundPerson(
+        TrackedPerson(
             n,
             f"body_{n}",
             0.9,

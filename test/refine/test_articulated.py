@@ -16,7 +16,7 @@ from depth_pose.core.config import FitConfig
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import JOINT_NODES, JOINTS, MIRROR_JOINTS, NODE_INDEX, NODE_PARENTS
-from depth_pose.core.types import BACKGROUND, PERSON, UNKNOWN, Candidate, FoundPerson
+from depth_pose.core.types import BACKGROUND, PERSON, UNKNOWN, Candidate, TrackedPerson
 from depth_pose.refine import _articulated_kernels as kernels
 from depth_pose.refine import _tree_kernels as tree
 from depth_pose.refine import _visibility_kernels as visibility
@@ -54,7 +54,7 @@ def proposed(joints, confidence):
     sigma = np.sqrt(1.0 / np.clip(confidence, 0.01, 0.99) - 1.0) * 0.1 / 1.6
     deviations = np.repeat(sigma[:, None], 2, axis=1).astype(np.float32)
     measured = JointMeasurement(joints.astype(np.float32), deviations, confidence.astype(np.float32))
-    return FoundPerson(1, "body_1", 1.0, measured)
+    return TrackedPerson(1, "body_1", 1.0, measured)
 
 
 def fit_pose(fitter, *given):

@@ -10,7 +10,7 @@ from depth_pose.core.config import PipelineConfig, SmoothConfig
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, NODE_INDEX, Source
-from depth_pose.core.types import BACKGROUND, PERSON, FoundPerson
+from depth_pose.core.types import BACKGROUND, PERSON, TrackedPerson
 from depth_pose.recover.smooth import JointFilter
 from depth_pose.refine import _articulated_kernels as kernels
 from depth_pose.refine._tree_kernels import Equations
@@ -55,12 +55,12 @@ def see(bank, pose, T_room_camera, bodies, way=STILL, proposals=False):
     drawn = render_depth(posed.vertices, bank.body.faces, CAMERA)
     depth = np.where(np.isfinite(drawn), drawn, 0.0).astype(np.float32)
     labels = np.where(depth > 0, PERSON, BACKGROUND).astype(np.uint8)
-    found = FoundPerson(PERSON, "body_1", 1.0)
+    found = TrackedPerson(PERSON, "body_1", 1.0)
     if proposals:
         joints = posed.nodes[JOINT_NODES].astype(np.float32)
         sigma = np.full((len(joints), 2), 0.05, np.float32)
         measured = JointMeasurement(joints, sigma, np.ones(len(joints), np.float32))
-        found = FoundPerson(PERSON, "body_1", 1.0, measured)
+        found = TrackedPerson(PERSON, "body_1", 1.0, measured)
     (person,) = see_people(0, "", CAMERA, CAMERA.back_project(depth), labels, [found]).persons
     return view_at(person, bodies.target(person), T_room_camera, way)
 

@@ -16,7 +16,7 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import BONES, JOINTS, NODE_INDEX, NODES, JointState, Source
-from depth_pose.core.types import BUILD_SIZE, HIDDEN, Candidate, FoundPerson, PoseMatch, Skeleton
+from depth_pose.core.types import BUILD_SIZE, HIDDEN, Candidate, PoseMatch, Skeleton, TrackedPerson
 from depth_pose.ros.messages.basics import ns_to_stamp, stamp_to_ns
 from depth_pose.ros.messages.frames import image_to_frame, msg_to_frame
 from depth_pose.ros.messages.matches import matches_to_msg, msg_to_matches
@@ -62,7 +62,7 @@ def people(rng):
     labels[0, :5] = 2
     depth = np.where((labels == 1) | (labels == 2), rng.uniform(2.0, 3.0, labels.shape), 0.0)
     found = [
-        FoundPerson(
+        TrackedPerson(
             k,
             f"body_{k + 4}",
             float(np.float32(0.3 * k)),

@@ -7,7 +7,7 @@ import pytest
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
-from depth_pose.core.types import DepthFrame, FoundPerson
+from depth_pose.core.types import DepthFrame, TrackedPerson
 from depth_pose.track.person_view import FramePeople, see_people
 from depth_pose.track.upside_down import UpsideDownWatch
 
@@ -29,7 +29,7 @@ def scene(
 
 
 def found(depth: np.ndarray, labels: np.ndarray) -> tuple[DepthFrame, FramePeople]:
-    person = FoundPerson(1, "a", 1.0)
+    person = TrackedPerson(1, "a", 1.0)
     who = [person] if labels.any() else []
     points = CAMERA.back_project(np.where(labels > 0, depth, np.float32(0)))
     return DepthFrame(0, "a", depth, CAMERA), see_people(0, "a", CAMERA, points, labels, who)

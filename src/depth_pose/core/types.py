@@ -68,7 +68,7 @@ MOST_LABEL = 254
 
 
 @dataclass(frozen=True)
-class FoundPerson:
+class TrackedPerson:
     """A person found in a frame.
 
     Attributes

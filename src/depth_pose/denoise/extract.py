@@ -11,7 +11,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.config import DenoiseConfig, MatchConfig, MountConfig, SegmentConfig
 from depth_pose.core.mount import rotation_sensor_upright, up_direction
 from depth_pose.core.stamps import StampGuard
-from depth_pose.core.types import HIDDEN, DepthFrame, FoundPerson
+from depth_pose.core.types import HIDDEN, DepthFrame, TrackedPerson
 from depth_pose.core.zone import parse_zone
 from depth_pose.denoise.denoise import denoise_depth
 from depth_pose.detect.floor import FloorFinder
@@ -96,7 +96,7 @@ class PeopleExtractor:
         self.floor_finder.reset()
         camera = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
         depth = denoise_depth(np.full((48, 64), 2.0, np.float32), camera, self._denoise)
-        found = FoundPerson(1, "", 1.0)
+        found = TrackedPerson(1, "", 1.0)
         see_people(0, "", camera, camera.back_project(depth), np.ones((48, 64), np.uint8), [found])
 
     def extract(self, frame: DepthFrame) -> FramePeople:
@@ -133,7 +133,7 @@ class PeopleExtractor:
         plane = NO_FLOOR if floor is None else floor.plane
         return see_people(frame.stamp_ns, frame.frame_id, seen.camera, points, labels, found, plane)
 
-    def _found(self, seen: Sighting, name: str) -> FoundPerson:
+    def _found(self, seen: Sighting, name: str) -> TrackedPerson:
         """Return a sighting with its id, and without measured joints where they are not wanted."""
         measured = seen.measured if self._with_joints else None
-        return FoundPerson(seen.label, name, self._tracks.probability(name), measured)
+        return TrackedPerson(seen.label, name, self._tracks.probability(name), measured)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
-from depth_pose.core.types import FoundPerson
+from depth_pose.core.types import TrackedPerson
 from depth_pose.track.person_view import FramePeople, see_people
 
 
@@ -28,7 +28,7 @@ class PackedPeople(NamedTuple):
         Camera frame, metres.
     labels : bytes
         Compressed.
-    found : tuple of FoundPerson
+    found : tuple of TrackedPerson
     floor : (4,) float64
     """
 
@@ -38,7 +38,7 @@ class PackedPeople(NamedTuple):
     at: NDArray[np.int64]
     points: NDArray[np.float32]
     labels: bytes
-    found: tuple[FoundPerson, ...]
+    found: tuple[TrackedPerson, ...]
     floor: NDArray[np.float64]
 
 
@@ -53,7 +53,7 @@ def pack_people(people: FramePeople) -> PackedPeople:
     )
 
 
-def _without_mask(found: FoundPerson) -> FoundPerson:
+def _without_mask(found: TrackedPerson) -> TrackedPerson:
     measured = found.measured
     return found if measured is None else replace(found, measured=measured.without_mask())
 

@@ -18,7 +18,7 @@ from depth_pose.body.rendered_depth import DepthComparer, Observation, observe
 from depth_pose.core.camera import Camera
 from depth_pose.core.measurement import NO_PROPOSALS, JointMeasurement, both_namings
 from depth_pose.core.skeleton import JOINT_INDEX
-from depth_pose.core.types import PERSON, FoundPerson
+from depth_pose.core.types import PERSON, TrackedPerson
 from depth_pose.track import _person_kernels as kernels
 from depth_pose.track.target import FitTarget, nearest_person_pixels
 
@@ -52,7 +52,7 @@ class PersonView:
     ----------
     stamp_ns : int
     frame_id : str
-    found : FoundPerson
+    found : TrackedPerson
         Id, probability and measured joints.
     camera : Camera
         Camera of the whole working grid.
@@ -71,7 +71,7 @@ class PersonView:
 
     stamp_ns: int
     frame_id: str
-    found: FoundPerson
+    found: TrackedPerson
     camera: Camera
     points: NDArray[np.float64]
     full: Observation
@@ -141,7 +141,7 @@ def see_people(
     camera: Camera,
     points: NDArray[np.float32],
     labels: NDArray[np.uint8],
-    found: Iterable[FoundPerson],
+    found: Iterable[TrackedPerson],
     floor: NDArray[np.float64] = NO_FLOOR,
 ) -> FramePeople:
     """Prepare all people of a frame that have enough points.
@@ -150,7 +150,7 @@ def see_people(
     ----------
     stamp_ns, frame_id, camera, points, labels, floor
         As in `FramePeople`.
-    found : iterable of FoundPerson
+    found : iterable of TrackedPerson
         The people that the labels denote.
     """
     persons = tuple(
@@ -167,7 +167,7 @@ def _see_person(
     camera: Camera,
     points: NDArray[np.float32],
     labels: NDArray[np.uint8],
-    found: FoundPerson,
+    found: TrackedPerson,
     floor: NDArray[np.float64],
 ) -> PersonView | None:
     """Prepare one person; None with too few points."""

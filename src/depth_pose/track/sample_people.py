@@ -10,7 +10,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import JOINT_NODES
-from depth_pose.core.types import BACKGROUND, PERSON, FoundPerson
+from depth_pose.core.types import BACKGROUND, PERSON, TrackedPerson
 from depth_pose.track.person_view import FramePeople, see_people
 
 _CAMERA = Camera(width=176, height=144, fx=200.0, fy=200.0, cx=87.5, cy=71.5)
@@ -29,5 +29,5 @@ def sample_people(bank: Bank) -> FramePeople:
     labels = np.where(depth > 0, PERSON, BACKGROUND).astype(np.uint8)
     joints = posed.nodes[JOINT_NODES].astype(np.float32)
     sure, sigma = np.ones(len(joints), np.float32), np.full((len(joints), 2), _SIGMA_M, np.float32)
-    found = FoundPerson(PERSON, "sample", 1.0, JointMeasurement(joints, sigma, sure))
+    found = TrackedPerson(PERSON, "sample", 1.0, JointMeasurement(joints, sigma, sure))
     return see_people(0, "", _CAMERA, _CAMERA.back_project(depth), labels, [found])

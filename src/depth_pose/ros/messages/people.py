@@ -13,7 +13,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINTS
-from depth_pose.core.types import FoundPerson
+from depth_pose.core.types import TrackedPerson
 from depth_pose.ros.messages.basics import make_header, stamp_to_ns
 from depth_pose.ros.messages.checks import FARTHEST_M, check_numbers, check_people
 from depth_pose.track._person_kernels import pack_points, unpack_points
@@ -66,7 +66,7 @@ def people_to_msgs(people: FramePeople) -> tuple[PointCloud2, PeopleMsg]:
     )
 
 
-def _found_to_msg(found: FoundPerson) -> FoundPersonMsg:
+def _found_to_msg(found: TrackedPerson) -> FoundPersonMsg:
     return FoundPersonMsg(
         label=found.label,
         body_id=found.body_id,
@@ -144,8 +144,8 @@ def warm_up() -> None:
     msgs_to_people(*people_to_msgs(see_people(0, "", camera, nobody, np.zeros((3, 4), np.uint8), [])))
 
 
-def _msg_to_found(msg: FoundPersonMsg) -> FoundPerson:
-    return FoundPerson(msg.label, msg.body_id, msg.probability, _msg_to_measurement(msg))
+def _msg_to_found(msg: FoundPersonMsg) -> TrackedPerson:
+    return TrackedPerson(msg.label, msg.body_id, msg.probability, _msg_to_measurement(msg))
 
 
 def _msg_to_measurement(msg: FoundPersonMsg) -> JointMeasurement | None:
