@@ -129,7 +129,7 @@ def score(tally: Tally, scene: Scene, found: Segmentation) -> None:
     torsos = scene.joints[:, _TORSO].mean(axis=1)
     best, overlaps = np.zeros(len(torsos)), np.full(len(torsos), np.nan)
     measured = on_grid(scene.depth, found, scene) > 0
-    for person in sorted(found.sightings, key=lambda p: -p.probability):
+    for person in sorted(found.detections, key=lambda p: -p.probability):
         own = (found.labels == person.label) & measured
         shares = np.bincount(owner[own], minlength=len(torsos) + 1)[1:] / max(1, own.sum())
         near = np.linalg.norm(torsos - person.place, axis=1) < TORSO_M

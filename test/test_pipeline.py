@@ -72,7 +72,7 @@ def test_every_stage_speaks_of_the_same_frame_and_person(clip, results, bank):
         assert refined.source == Source.REFINED
         assert len(person.points) > 1000
         fit = report_joints(refined.joints, refined.pose.scale, person, refined.score)
-        joints = weigh_joints(refined.joints, refined.score, fit.confidence, person.found).joints
+        joints = weigh_joints(refined.joints, refined.score, fit.confidence, person.measured).joints
         sure = skeleton_confidence(person, joints, skeleton.joint_states, skeleton.joint_confidence)
         assert skeleton.confidence == pytest.approx(sure)
         assert sure > 0.6

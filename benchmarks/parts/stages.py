@@ -18,7 +18,7 @@ import numpy as np
 from depth_pose.bank import Bank
 from depth_pose.core.config import MatchConfig, PipelineConfig, RefineConfig
 from depth_pose.core.types import DepthFrame
-from depth_pose.detect.finder import Detections, PeopleFinder
+from depth_pose.detect.finder import FinderResult, PeopleFinder
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.pipeline import PosePipeline
 from depth_pose.sim.clips import sample_clip, write_clip
@@ -99,7 +99,7 @@ class TimedFinder:
         self._finder = finder
         self.seconds = 0.0
 
-    def find(self, frame: DepthFrame, turns: int = 0) -> Detections:
+    def find(self, frame: DepthFrame, turns: int = 0) -> FinderResult:
         """Find people, and record the processor time."""
         begin = time.thread_time()
         found = self._finder.find(frame, turns)

@@ -160,13 +160,13 @@ def test_who_shows_too_little_takes_nobody_s_place(person):
     frame = syn.to_frame(np.minimum(person, syn.room()))
     extractor = PeopleExtractor(SegmentConfig(most_people=1), DenoiseConfig())
     seen = extractor.segmenter.segment(frame)
-    (sighting,) = seen.sightings
+    (detection,) = seen.detections
     labels = seen.labels.copy()
-    rows, columns = np.nonzero(labels == sighting.label)
+    rows, columns = np.nonzero(labels == detection.label)
     labels[rows[: MIN_POINTS // 2], columns[: MIN_POINTS // 2]] = 9
-    arm = replace(sighting, label=9, place=0.5 * sighting.place)
-    extractor.segmenter.segment = lambda _: replace(seen, labels=labels, sightings=(sighting, arm))
+    arm = replace(detection, label=9, place=0.5 * detection.place)
+    extractor.segmenter.segment = lambda _: replace(seen, labels=labels, detections=(detection, arm))
     people = extractor.extract(frame)
-    assert [p.found.label for p in people.persons] == [sighting.label]
+    assert [p.found.label for p in people.persons] == [detection.label]
     assert extractor.passed_over["too few points"] == 1
     assert extractor.passed_over["beyond the most"] == 0

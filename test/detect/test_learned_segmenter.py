@@ -11,7 +11,7 @@ from crowd import CAMERA, person, seen
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import HIDDEN, PERSON
 from depth_pose.detect._border_kernels import LimbLimits, attach_apart, attach_limbs
-from depth_pose.detect.finder import Detection
+from depth_pose.detect.finder import TorsoDetection
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 
 JUMP_M = SegmentConfig().depth_jump
@@ -39,8 +39,8 @@ def test_who_was_not_there_before_is_news_and_another_view_is_not() -> None:
     there = seen(0, [person(0, -0.5, 3.2)])
 
     def is_new_content(frame):
-        (sighting,) = segmenter.segment(frame).sightings
-        return sighting.is_new_content
+        (detection,) = segmenter.segment(frame).detections
+        return detection.is_new_content
 
     assert not is_new_content(there)  # nothing was seen before
     assert not is_new_content(there)
@@ -132,10 +132,10 @@ def test_a_thing_that_the_second_look_refuses_still_hides(monkeypatch) -> None:
     def with_the_board(frame):
         found = find(frame)
         found.labels[board] = 2
-        return replace(found, people=(*found.people, Detection(2, 0.7, np.array([-0.3, 0.4, 2.2]))))
+        return replace(found, people=(*found.people, TorsoDetection(2, 0.7, np.array([-0.3, 0.4, 2.2]))))
 
     monkeypatch.setattr(segmenter.candidates, "find", with_the_board)
     after = segmenter.segment(replace(shown, stamp_ns=shown.stamp_ns + 10**9))
-    assert [s.label for s in after.sightings] == [1]  # the board is refused
+    assert [s.label for s in after.detections] == [1]  # the board is refused
     # the mask, which is applied before, may move the border by a pixel
     assert (after.labels != before.labels).sum() < 0.02 * (before.labels[board] == HIDDEN).sum()

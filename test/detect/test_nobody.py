@@ -28,7 +28,7 @@ def followed(segmenter: LearnedSegmenter, depth: np.ndarray) -> int:
     """How many are found so surely that they are believed though they have not moved."""
     segmenter.reset()
     found = segmenter.segment(DepthFrame(0, "", depth.astype(np.float32), CAMERA))
-    return sum(s.probability >= segmenter.config.sure for s in found.sightings)
+    return sum(s.probability >= segmenter.config.sure for s in found.detections)
 
 
 def stereo(albedo: np.ndarray, depth: np.ndarray, seed: int) -> np.ndarray:

@@ -67,7 +67,7 @@ def measured(result: FrameResult) -> np.ndarray:
     """The joints of a good fit, weighed against the proposals."""
     (person,), (fitted,) = result.people.persons, result.refined
     sure = report_joints(fitted.joints, fitted.pose.scale, person, fitted.score).confidence
-    return weigh_joints(fitted.joints, fitted.score, sure, person.found).joints
+    return weigh_joints(fitted.joints, fitted.score, sure, person.measured).joints
 
 
 def moved(fitted: Fitted, nodes: np.ndarray, rotations: np.ndarray | None = None) -> Fitted:
@@ -154,7 +154,7 @@ def test_a_sure_person_is_answered_where_no_body_fits(run) -> None:
     (person,) = run[-1].people.persons
     fitted = run[-1].refined[0]
     sure = report_joints(fitted.joints, fitted.pose.scale, person, 0.68).confidence
-    share = weigh_joints(fitted.joints, 0.68, sure, person.found).share
+    share = weigh_joints(fitted.joints, 0.68, sure, person.measured).share
     assert np.median(share) > 0.5
 
 

@@ -1,4 +1,4 @@
-"""How well a sighting fits a track: densities, odds and likelihood ratios."""
+"""How well a detection fits a track: densities, odds and likelihood ratios."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 from depth_pose.core.measurement import TYPICAL_ERROR_M, JointMeasurement
 from depth_pose.core.skeleton import JOINT_NODES, rest_nodes
-from depth_pose.detect.segmentation import Sighting
+from depth_pose.detect.segmentation import Detection
 from depth_pose.track import likeness
 from depth_pose.track.likeness import Size, Traits
 
@@ -24,7 +24,7 @@ def seen(joints: np.ndarray, error_m: float = 0.05) -> Traits:
 def traits(joints: np.ndarray, confidence: np.ndarray) -> Traits:
     sigma = np.full((len(joints), 2), 0.05, np.float32)
     measured = JointMeasurement(joints.astype(np.float32), sigma, confidence)
-    return likeness.traits_of(Sighting(1, HERE, 1.0, measured))
+    return likeness.traits_of(Detection(1, HERE, 1.0, measured))
 
 
 def rest(stature: float = 1.7) -> np.ndarray:

@@ -10,15 +10,15 @@ import pytest
 from depth_pose.core.config import MAX_STAMP_GAP_NS
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINT_NODES, rest_nodes
-from depth_pose.detect.segmentation import Sighting
+from depth_pose.detect.segmentation import Detection
 from depth_pose.track.memory import RETURN_NS
 from depth_pose.track.tracks import PeopleTracks
 
 STEP_NS = 40_000_000
 
 
-def at(x: float, z: float = 3.0, y: float = 0.0, probability: float = 1.0) -> Sighting:
-    return Sighting(1, np.array([x, y, z]), probability)
+def at(x: float, z: float = 3.0, y: float = 0.0, probability: float = 1.0) -> Detection:
+    return Detection(1, np.array([x, y, z]), probability)
 
 
 def measured(joints: np.ndarray, confidence: float) -> JointMeasurement:
@@ -26,22 +26,22 @@ def measured(joints: np.ndarray, confidence: float) -> JointMeasurement:
     return JointMeasurement(joints, sigma, np.full(len(joints), confidence, np.float32))
 
 
-def of_size(stature: float, x: float) -> Sighting:
+def of_size(stature: float, x: float) -> Detection:
     """Somebody upright with the joints of the rest pose."""
     joints = (stature * rest_nodes()[JOINT_NODES] + [x, 0.0, 3.0]).astype(np.float32)
-    return Sighting(1, np.array([x, 0.0, 3.0]), 1.0, measured(joints, 1.0))
+    return Detection(1, np.array([x, 0.0, 3.0]), 1.0, measured(joints, 1.0))
 
 
 def person(
     stature: float, x: float, z: float = 3.0, pose: int = 0, probability: float = 1.0, rng=None
-) -> Sighting:
+) -> Detection:
     """Somebody in a pose of their own, with joints that are proposed with an error of 4 cm."""
     rest = rest_nodes()[JOINT_NODES]
     bent = rest + np.random.default_rng(pose).normal(0.0, 0.03, rest.shape)
     noise = np.zeros(rest.shape) if rng is None else rng.normal(0.0, 0.02, rest.shape)
     joints = (stature * bent + noise + [x, 0.0, z]).astype(np.float32)
     shaken = np.zeros(3) if rng is None else rng.normal(0.0, 0.03, 3)
-    return Sighting(1, np.array([x, 0.0, z]) + shaken, probability, measured(joints, 0.86))
+    return Detection(1, np.array([x, 0.0, z]) + shaken, probability, measured(joints, 0.86))
 
 
 @pytest.fixture

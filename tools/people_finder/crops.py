@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from scenes import seen_from_behind, spoil
 
 from depth_pose.core.measurement import CropView
-from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, LANDMARKS, MIRROR_LANDMARKS
+from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, LANDMARKS, MIRROR_LANDMARKS, Landmarks
 from depth_pose.detect._crop_kernels import CHANNELS, fill_features, sample_crop, to_crop
+from depth_pose.detect.joint_codec import JointCodec
 
 _TORSO = [JOINT_INDEX[f"{side}_{n}"] for side in ("left", "right") for n in ("shoulder", "hip")]
 _LIMBS = [
@@ -67,10 +68,7 @@ class CropBatch:
 
     def place(self, k: int, landmarks: NDArray[np.float64], look: CropView) -> None:
         """Set the landmarks (L, 3) of sample ``k``, camera frame, metres; unknown ones are not finite."""
-        places = np.empty((len(LANDMARKS), 3))
-        to_crop(landmarks, look, places)
-        if look.flip < 0:
-            places = places[MIRROR_LANDMARKS]
+        places = JointCodec.encode(Landmarks(landmarks), look)
         shown = places[: len(JOINTS)] + np.array([0.0, 0.0, look.z])
         shown[:, :2] *= shown[:, 2:] / look.z  # as points, to tell whether the person is seen from behind
         side = float(seen_from_behind(shown[None].astype(np.float32))[0])

@@ -15,7 +15,7 @@ from joint_net import CELL_M, LEAST_WIDTH_M, SIDE, JointNet
 from numpy.typing import NDArray
 from sightings import Sightings
 
-from depth_pose.detect.joint_finder import logit_of
+from depth_pose.core.odds import logistic, logit
 from depth_pose.detect.net import open_net
 from export import JOINT_CODE, JOINT_FEATURES, export_joint_net, hash_code, write_settings
 
@@ -35,7 +35,7 @@ def logits_of(model: bytes, found: Sightings) -> NDArray[np.float64]:
         features = found.batch(np.array([k]), None).features
         middle = features[:, :, rows][..., rows]
         second.append(session.run(["person"], {"features": features, "middle": middle})[0].item())
-    return np.stack([[logit_of(float(p)) for p in found.probability], second], axis=1)
+    return np.stack([[logit(float(p)) for p in found.probability], second], axis=1)
 
 
 def fit_odds(logits: NDArray[np.float64], is_person: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -47,7 +47,7 @@ def fit_odds(logits: NDArray[np.float64], is_person: NDArray[np.bool_]) -> NDArr
     counts = np.where(is_person, (1 - _THINGS) / is_person.mean(), _THINGS / (~is_person).mean())
     weights = np.zeros(x.shape[1])
     for _ in range(_STEPS):
-        p = 1.0 / (1.0 + np.exp(-x @ weights))
+        p = logistic(x @ weights)
         curvature = (x * (counts * p * (1.0 - p))[:, None]).T @ x + _RIDGE * np.eye(x.shape[1])
         weights -= np.linalg.solve(curvature, x.T @ (counts * (p - is_person)) + _RIDGE * weights)
     return weights

@@ -1,8 +1,8 @@
-"""Calibrate the second look's deviations by sensor and distance, on simulated people in furnished rooms.
+"""Calibrate the joint net's deviations by sensor and distance, on simulated people in furnished rooms.
 
     python tools/people_finder/fit_deviations.py src/depth_pose/detect/weights
 
-The factor on all deviations of a look is `depth_pose.detect.joint_finder.DeviationScale`. It is fitted by
+The factor on all deviations of a look is `depth_pose.detect.joint_calibration.DeviationScale`, fitted by
 quantile regression (Koenker & Bassett 1978, *Regression quantiles*), in the plane and in depth, so that as
 many errors lie within one deviation as of the net's own distributions: .70 and .76.
 """
@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import typer
@@ -23,7 +23,9 @@ from scipy.special import expit
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.types import DepthFrame
-from depth_pose.detect.joint_finder import DeviationScale, JointFinder, look_measures
+from depth_pose.detect.crop import Crop
+from depth_pose.detect.joint_calibration import DeviationScale, crop_measures
+from depth_pose.detect.joint_net import VotingNet
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.sim.clips import sample_clip
 from depth_pose.sim.scene_noise import FAMILIES
@@ -49,7 +51,7 @@ class Looks(NamedTuple):
     Attributes
     ----------
     measures : (N, M)
-        From `look_measures`.
+        From `crop_measures`.
     errors : (N, J, 2)
         Errors of joints in the plane (root mean square of both directions) and in depth, in deviations.
     """
@@ -58,19 +60,19 @@ class Looks(NamedTuple):
     errors: NDArray[np.float64]
 
 
-class _Watched(JointFinder):
-    """The second look, whose answers and measures are recorded."""
+class _Watched(VotingNet):
+    """The joint net, whose answers and measures are recorded."""
 
     def __init__(self, weights: Path) -> None:
         super().__init__(weights)
-        self._deviations = DeviationScale(*map(np.array, UNFITTED.values()))
+        unfitted = DeviationScale(*map(np.array, UNFITTED.values()))
+        self.calibration = self.calibration._replace(deviations=unfitted)
         self.seen = list[tuple[NDArray[np.float64], JointMeasurement]]()
 
-    def find(self, *look: Any) -> JointMeasurement:
-        """Find joints, and record them."""
-        out = super().find(*look)
-        label, torso = look[3:5]
-        self.seen.append((look_measures(self._grid, self._whose, label, torso[2]), out))
+    def look(self, crop: Crop) -> JointMeasurement:
+        """Measure joints, and record them."""
+        out = super().look(crop)
+        self.seen.append((crop_measures(self.sampler.sample(crop), crop.label), out))
         return out
 
 
@@ -78,7 +80,7 @@ def collect(weights: Path, rooms: int, seed: int) -> Looks:
     """Look at one or two people in each of some rooms, of which each family of sensors sees a third."""
     measures, errors = [], []
     segmenter = LearnedSegmenter(SegmentConfig(), weights)
-    segmenter._joints = watched = _Watched(weights)
+    segmenter.joint_net = watched = _Watched(weights)
     for k in track(range(rooms), "rooms"):
         rng = np.random.default_rng([seed, k])
         clip = sample_clip(rng, _FRAMES, _FPS, people=1 + k % 2, sensor=FAMILIES[k % len(FAMILIES)])

@@ -12,6 +12,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from depth_pose.core.skeleton import MIRROR_LANDMARKS
+from depth_pose.detect.joint_codec import LOG_WIDTHS
 
 _BEHIND_WEIGHT = 0.5
 _PLACE_WEIGHT = 0.5
@@ -49,7 +50,7 @@ def joint_loss(answer: Answer, cells: Tensor, truth: Truth) -> tuple[Tensor, dic
     shown, side = known.any(dim=1), truth.side
     places = torch.where(known[:, :, None], truth.landmarks, 0.0)
     landmarks, own = answer.landmarks, answer.own
-    width = LEAST_WIDTH_M + torch.exp(answer.log_error.clamp(-6, 2))
+    width = LEAST_WIDTH_M + torch.exp(answer.log_error.clamp(*LOG_WIDTHS))
     size = 2 * torch.log(width[..., 0]) + torch.log(width[..., 1])
 
     def unlikelihood(target: Tensor) -> Tensor:

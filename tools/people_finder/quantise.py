@@ -81,14 +81,14 @@ class _Inputs(CalibrationDataReader):
 def watch(weights: Path, rooms: int) -> dict[str, list[Features]]:
     """Record the inputs of both nets in simulated rooms, by the net's name."""
     segmenter = LearnedSegmenter(SegmentConfig(find_every=1), weights)
-    finder, joints = segmenter.candidates.finder, segmenter._joints
-    finder._session, joints._session = _Watched(finder._session), _Watched(joints._session)
+    finder, joints = segmenter.candidates.finder, segmenter.joint_net
+    finder._session, joints.session = _Watched(finder._session), _Watched(joints.session)
     for k in track(range(rooms), "rooms"):
         clip = sample_clip(np.random.default_rng([_SEED, k]), frames=_FRAMES, people=1 + k % 3)
         segmenter.reset()
         for stamp, depth in list(zip(clip.stamps_ns, clip.depth, strict=True))[::_EVERY]:
             segmenter.segment(DepthFrame(int(stamp), "", depth, clip.camera))
-    return {"people_finder": finder._session.inputs, "joint_finder": joints._session.inputs}
+    return {"people_finder": finder._session.inputs, "joint_finder": joints.session.inputs}
 
 
 def quantise(source: Path, target: Path, inputs: list[Features]) -> None:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import DepthFrame
-from depth_pose.detect.finder import Detection, Detections, PeopleFinder, load_weights
+from depth_pose.detect.finder import FinderResult, PeopleFinder, TorsoDetection, load_weights
 from depth_pose.io.mcap_read import read_frames
 
 _SEQUENCES = ("real_office", "real_corridor", "real_empty", "dev_people", "dev_postures", "dev", "dev_bodies")
@@ -46,7 +46,7 @@ class Seen:
     torso: NDArray[np.float64]
 
 
-def look(found: Detections, person: Detection, frame: DepthFrame) -> Seen | None:
+def look(found: FinderResult, person: TorsoDetection, frame: DepthFrame) -> Seen | None:
     """Convert a person's pixels to those of the frame; None if there are none."""
     rows, cols = np.nonzero(found.labels == person.label)
     if len(rows) == 0:

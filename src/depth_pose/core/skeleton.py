@@ -21,6 +21,7 @@ slightly apart.
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import Any, NewType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,10 +112,16 @@ MIRROR_JOINTS: NDArray[np.int64] = np.array([JOINT_INDEX[_mirror_name(name)] for
 """Index of each joint's mirror image, shape (19,)."""
 
 LANDMARKS: tuple[str, ...] = (*JOINTS, "left_heel", "right_heel")
-"""What the finder proposes: the joints, and the backs of the heels, where the skin is rearmost."""
+"""What the joint net measures: the joints, and the backs of the heels, where the skin is rearmost."""
 
 MIRROR_LANDMARKS: NDArray[np.int64] = np.array([LANDMARKS.index(_mirror_name(n)) for n in LANDMARKS])
 """Index of each landmark's mirror image, shape (21,)."""
+
+Landmarks = NewType("Landmarks", np.ndarray[Any, np.dtype[np.float64]])
+"""Places (21, 3) of the `LANDMARKS`, metres. There are as many `NODES`, in another order."""
+
+Nodes = NewType("Nodes", np.ndarray[Any, np.dtype[np.float64]])
+"""Places (21, 3) of the body's `NODES`, metres."""
 
 
 _MEASURED = np.array(

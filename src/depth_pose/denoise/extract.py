@@ -18,7 +18,7 @@ from depth_pose.detect.floor import FloorFinder
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.detect.plane_segmenter import PlaneSegmenter
 from depth_pose.detect.sample_frame import sample_frame
-from depth_pose.detect.segmentation import Segmenter, Sighting
+from depth_pose.detect.segmentation import Detection, Segmenter
 from depth_pose.track.choice import PeopleChoice
 from depth_pose.track.person_view import MIN_POINTS, NO_FLOOR, FramePeople, see_people
 from depth_pose.track.tracks import PeopleTracks
@@ -109,19 +109,19 @@ class PeopleExtractor:
         seen = self.segmenter.segment(frame)
         depth = denoise_depth(seen.depth, seen.camera, self._denoise)
         labels = np.where((seen.depth > 0) & (depth <= 0), np.uint8(HIDDEN), seen.labels)
-        names = self._tracks.assign(seen.sightings, frame.stamp_ns)
+        names = self._tracks.assign(seen.detections, frame.stamp_ns)
         points_of = np.bincount(labels.ravel(), minlength=HIDDEN + 1)
         shown = [
             name if points_of[s.label] >= MIN_POINTS else None
-            for s, name in zip(seen.sightings, names, strict=True)
+            for s, name in zip(seen.detections, names, strict=True)
         ]
-        chosen = self.choice.choose(shown, [s.place for s in seen.sightings])
+        chosen = self.choice.choose(shown, [s.place for s in seen.detections])
         self.passed_over["too near or too far"] += seen.out_of_range
         self.passed_over["not sure enough"] += names.count(None)
         self.passed_over["too few points"] += shown.count(None) - names.count(None)
         self.passed_over.update(self.choice.left_out)
         found = [
-            self._found(s, name) for s, name in zip(seen.sightings, chosen, strict=True) if name is not None
+            self._found(s, name) for s, name in zip(seen.detections, chosen, strict=True) if name is not None
         ]
         # Ye et al. eq. 2: x and y follow the depth along the pixel's ray
         # Ye et al. eq. 4: also in further iterations, if `denoise.iterations` is above 1
@@ -133,7 +133,7 @@ class PeopleExtractor:
         plane = NO_FLOOR if floor is None else floor.plane
         return see_people(frame.stamp_ns, frame.frame_id, seen.camera, points, labels, found, plane)
 
-    def _found(self, seen: Sighting, name: str) -> TrackedPerson:
-        """Return a sighting with its id, and without measured joints where they are not wanted."""
+    def _found(self, seen: Detection, name: str) -> TrackedPerson:
+        """Return a detection with its id, and without measured joints where they are not wanted."""
         measured = seen.measured if self._with_joints else None
         return TrackedPerson(seen.label, name, self._tracks.probability(name), measured)

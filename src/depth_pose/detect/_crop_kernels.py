@@ -1,4 +1,4 @@
-"""Compiled loops of the second, closer look at each person; `depth_pose.detect.joint_finder` uses them."""
+"""Compiled loops of the joint net's crops; `depth_pose.detect.joint_net` uses them."""
 
 from __future__ import annotations
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from depth_pose.core._camera_kernels import ray
+from depth_pose.core._odds_kernels import logistic
 from depth_pose.core.kernels import njit
 from depth_pose.detect._finder_kernels import COLS
 
@@ -50,7 +51,7 @@ def measure_clusters(image, mask, torso, votes, owner, modes, out):
         z = grid[i, j]
         x, y = ray(camera, j, i)
         q = (np.float64(x * z), np.float64(y * z), np.float64(z))
-        prob = 1.0 / (1.0 + np.exp(-mask[i, j]))
+        prob = logistic(mask[i, j])
         pixels[p] += 1.0
         area[p] += areas[k]
         out[p, 0] += prob

@@ -12,7 +12,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
 from depth_pose.detect import _border_kernels as kernels
-from depth_pose.detect.finder import Detection, Detections, PeopleFinder, load_weights
+from depth_pose.detect.finder import FinderResult, PeopleFinder, TorsoDetection, load_weights
 from depth_pose.detect.planes import PlaneFinder
 
 
@@ -28,7 +28,7 @@ class Candidates:
         Number of the person at each pixel; 0: background.
     camera : Camera
         Camera of the working grid.
-    people : tuple of Detection
+    people : tuple of TorsoDetection
     out_of_range : int
         Number of further people who are too near or too far.
     """
@@ -36,7 +36,7 @@ class Candidates:
     depth: NDArray[np.float32]
     labels: NDArray[np.uint8]
     camera: Camera
-    people: tuple[Detection, ...]
+    people: tuple[TorsoDetection, ...]
     out_of_range: int
 
 
@@ -72,7 +72,7 @@ class CandidateFinder:
         found = self._find_turned(frame)
         return Candidates(found.depth, self._complete(found), found.camera, found.people, found.out_of_range)
 
-    def _find_turned(self, frame: DepthFrame) -> Detections:
+    def _find_turned(self, frame: DepthFrame) -> FinderResult:
         """Find people in the image with the last useful rotation; in doubt, sometimes with another one."""
         found = self.finder.find(frame, self._turns)
         doubtful = [p for p in found.people if p.probability < self._config.sure]
@@ -93,7 +93,7 @@ class CandidateFinder:
         return tried
 
     def _is_better(
-        self, doubtful: list[Detection], found: Detections, tried: Detections, across: bool
+        self, doubtful: list[TorsoDetection], found: FinderResult, tried: FinderResult, across: bool
     ) -> bool:
         """Whether another rotation confirms a doubtful or missed person, and keeps all who were confirmed.
 
@@ -101,7 +101,7 @@ class CandidateFinder:
         """
         sure = [p for p in tried.people if p.probability >= self._config.sure]
 
-        def has(person: Detection, people: list[Detection]) -> bool:
+        def has(person: TorsoDetection, people: list[TorsoDetection]) -> bool:
             return any(np.linalg.norm(person.torso - p.torso) < _SAME_M for p in people)
 
         kept = all(has(p, sure) for p in found.people if p.probability >= self._config.sure)
@@ -130,7 +130,7 @@ class CandidateFinder:
         kernels.mark_nearer(depth, labels, candidates.camera, jump)
         return labels
 
-    def _complete(self, found: Detections) -> NDArray[np.uint8]:
+    def _complete(self, found: FinderResult) -> NDArray[np.uint8]:
         """Add limbs that the net missed."""
         depth, camera, jump = found.depth, found.camera, self._config.depth_jump
         labels = found.labels.copy()

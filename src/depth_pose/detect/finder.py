@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
+from depth_pose.core.odds import logistic
 from depth_pose.core.types import DepthFrame
 from depth_pose.detect import _finder_kernels as kernels
 from depth_pose.detect import working_grid
@@ -52,13 +53,13 @@ _FRINGE_MEAN, _FRINGE_SURE, _FRINGE_JUMP, _FRINGE_ASIDE_M, _FRINGE_SMALLER = 0.6
 
 
 @dataclass(frozen=True)
-class Detection:
+class TorsoDetection:
     """One person in one frame.
 
     Attributes
     ----------
     label : int
-        Number in `Detections.labels`, from 1.
+        Number in `FinderResult.labels`, from 1.
     probability : float
         Probability of a person.
     torso : (3,) float64
@@ -71,7 +72,7 @@ class Detection:
 
 
 @dataclass(frozen=True)
-class Detections:
+class FinderResult:
     """All detections in one frame, on the working grid.
 
     Attributes
@@ -86,7 +87,7 @@ class Detections:
         Person probability of every pixel from the net, 0 to 1.
     claims : (h, w) uint8
         Number of the confirmed person whose torso a pixel votes for, whether labelled or not; 0: none.
-    people : tuple of Detection
+    people : tuple of TorsoDetection
         Nearest first.
     out_of_range : int
         Number of further people nearer than `SegmentConfig.near` or farther than `SegmentConfig.far`.
@@ -97,7 +98,7 @@ class Detections:
     camera: Camera
     chance: NDArray[np.float32]
     claims: NDArray[np.uint8]
-    people: tuple[Detection, ...]
+    people: tuple[TorsoDetection, ...]
     out_of_range: int
 
 
@@ -139,7 +140,7 @@ class PeopleFinder:
         depth = np.where(np.hypot(rows - 60, 3.0 * (cols - 80)) < 50, 2.0, 4.0).astype(np.float32)
         self.find(DepthFrame(0, "", depth, Camera(160, 120, 140.0, 140.0, 79.5, 59.5)))
 
-    def find(self, frame: DepthFrame, turns: int = 0) -> Detections:
+    def find(self, frame: DepthFrame, turns: int = 0) -> FinderResult:
         """Detect all people in a frame.
 
         Parameters
@@ -151,7 +152,7 @@ class PeopleFinder:
 
         Returns
         -------
-        Detections
+        FinderResult
             Empty if no person is in view.
         """
         image = reduce_frame(frame, self.config.near)
@@ -169,11 +170,11 @@ class PeopleFinder:
         number = np.zeros(len(distance) + 1, np.uint8)
         number[chosen + 1] = np.arange(1, len(chosen) + 1)
         join_parts(found, number, probability < self.config.keep)
-        net_chance = np.reciprocal(1.0 + np.exp(-mask), dtype=np.float32)
+        net_chance = logistic(mask)
         labels = carry_people(image, number[found.labels], net_chance, depth, camera)
         pixels = np.bincount(labels.ravel(), minlength=len(chosen) + 1)
         people = tuple(
-            Detection(n, float(probability[k]), found.torsos[k])
+            TorsoDetection(n, float(probability[k]), found.torsos[k])
             for n, k in enumerate(chosen, start=1)
             if pixels[n] >= LEAST_PIXELS
         )
@@ -181,7 +182,7 @@ class PeopleFinder:
         sure = np.zeros(len(chosen) + 1, np.uint8)
         for person in people:
             sure[person.label] = person.label if person.probability >= self.config.start else 0
-        return Detections(
+        return FinderResult(
             depth,
             labels,
             camera,

@@ -14,31 +14,32 @@ from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
 from depth_pose.detect import working_grid
 from depth_pose.detect._border_kernels import mark_nearer
-from depth_pose.detect.beliefs import Beliefs
 from depth_pose.detect.candidates import CandidateFinder, Candidates
+from depth_pose.detect.crop import Crop
 from depth_pose.detect.crop_mask import add_and_remove, refuse
-from depth_pose.detect.finder import Detection
-from depth_pose.detect.joint_finder import JointFinder
-from depth_pose.detect.last_looks import LastLooks
-from depth_pose.detect.last_people import LastPeople
+from depth_pose.detect.detection_persistence import DetectionPersistence
+from depth_pose.detect.finder import TorsoDetection
+from depth_pose.detect.joint_net import JointNet, VotingNet
+from depth_pose.detect.joint_net_schedule import JointNetSchedule
+from depth_pose.detect.mask_propagation import MaskPropagation
 from depth_pose.detect.sample_frame import sample_frame
-from depth_pose.detect.segmentation import Segmentation, Sighting
+from depth_pose.detect.segmentation import Detection, Segmentation
 
 _CHANGE_M, _MOST_CHANGED, _NEWS = 0.15, 0.4, 0.3
 """Depth change (m) of a pixel that shows something new; share of changed pixels above which the camera moved;
 share of new pixels above which a person counts as new content. Set by hand; not swept."""
 
 _ALONE_M = 1.2
-"""Distance (m) to others beyond which the second look's mask corrects a person's pixels; set by hand."""
+"""Distance (m) to others beyond which the joint net's mask corrects a person's pixels; set by hand."""
 
 _STEP_NS = 30_000_000
-"""Time between the two frames of the warm-up, nanoseconds: the second is carried over (`LastPeople`)."""
+"""Time between the two frames of the warm-up, nanoseconds: the second is carried over (`MaskPropagation`)."""
 
 
 class LearnedSegmenter:
-    """Finds people by two looks: at the image, and at each detection.
+    """Finds people in the image, and looks at each with the joint net.
 
-    Confident detections are carried over to the next frame without the first look (`LastPeople`).
+    Masks of confident detections are carried over to the next frame without a search (`MaskPropagation`).
 
     Parameters
     ----------
@@ -49,24 +50,24 @@ class LearnedSegmenter:
     Attributes
     ----------
     candidates : CandidateFinder
-        The first look.
+    joint_net : JointNet
     """
 
     def __init__(self, config: SegmentConfig, weights: Path | None = None) -> None:
         self.config = config
         self.candidates = CandidateFinder(config, weights)
-        self._joints = JointFinder(weights, config.mirror)
-        self._people = LastPeople(config)
-        self._looks = LastLooks(config.look_every)
-        self._beliefs = Beliefs(config.sure)
+        self.joint_net: JointNet = VotingNet(weights, config.mirror)
+        self._masks = MaskPropagation(config)
+        self._schedule = JointNetSchedule(config.look_every)
+        self._persistence = DetectionPersistence(config.sure)
         self.reset()
 
     def reset(self) -> None:
         """Forget the room."""
         self.candidates.reset()
-        self._people.reset()
-        self._looks.reset()
-        self._beliefs.reset()
+        self._masks.reset()
+        self._schedule.reset()
+        self._persistence.reset()
         self._before = np.zeros((0, 0), np.float32)
 
     def warm_up(self) -> None:
@@ -79,20 +80,21 @@ class LearnedSegmenter:
 
     def segment(self, frame: DepthFrame) -> Segmentation:
         """Label every pixel of the working grid."""
-        found = self._people.carry(frame)
+        found = self._masks.carry(frame)
         is_returned = None
         if found is None:
-            found, is_returned = self._people.give_back(self.candidates.find(frame), frame.stamp_ns)
+            found, is_returned = self._masks.give_back(self.candidates.find(frame), frame.stamp_ns)
         labels = self.candidates.mark_hidden(found, frame.filled)
         news = self._news(found.depth)
-        seen = self._looks.renew(found.people, frame.stamp_ns, lambda p: self._look_closer(found, labels, p))
-        sightings = [
-            _sighting(person, looked, labels, news) for person, looked in zip(found.people, seen, strict=True)
+        seen = self._schedule.renew(found.people, frame.stamp_ns, lambda p: self._look_at(p, found, labels))
+        detections = [
+            _detection(person, measured, labels, news)
+            for person, measured in zip(found.people, seen, strict=True)
         ]
-        sightings = self._beliefs.renew(sightings, labels, found.depth, frame.stamp_ns)
-        sure = tuple(s for s in sightings if s.probability >= self.config.keep)
-        for thing, looked in zip(sightings, seen, strict=True):
-            mask = looked.mask
+        detections = self._persistence.renew(detections, labels, found.depth, frame.stamp_ns)
+        sure = tuple(s for s in detections if s.probability >= self.config.keep)
+        for thing, measured in zip(detections, seen, strict=True):
+            mask = measured.mask
             assert mask is not None, "it was measured in this process"
             if thing.probability < self.config.keep:
                 labels[labels == thing.label] = BACKGROUND
@@ -101,15 +103,15 @@ class LearnedSegmenter:
                 refuse(mask, labels, is_returned, found.camera, thing.label)
             if _is_alone(thing, sure):
                 add_and_remove(mask, found.depth, labels, found.camera, thing.label)
-        self._people.keep(found, sure, frame.stamp_ns, labels)
-        if sightings:  # removed pixels may occlude more of a person
+        self._masks.keep(found, sure, frame.stamp_ns, labels)
+        if detections:  # removed pixels may occlude more of a person
             mark_nearer(found.depth, labels, found.camera, self.config.depth_jump)
         is_person = (labels != BACKGROUND) & (labels != HIDDEN)
         return Segmentation(
             depth=np.where(is_person, found.depth, np.float32(0)),
             labels=labels,
             camera=found.camera,
-            sightings=sure,
+            detections=sure,
             out_of_range=found.out_of_range,
         )
 
@@ -123,26 +125,26 @@ class LearnedSegmenter:
         is_another_view = changed.sum() > _MOST_CHANGED * known.sum()
         return changed & (depth < before) & ~is_another_view
 
-    def _look_closer(
-        self, found: Candidates, labels: NDArray[np.uint8], person: Detection
+    def _look_at(
+        self, person: TorsoDetection, found: Candidates, labels: NDArray[np.uint8]
     ) -> JointMeasurement:
-        """Propose a person's joints from a crop around them, and compute the probability of a person."""
-        return self._joints.find(
-            found.depth, labels, found.camera, person.label, person.torso, person.probability
+        """Measure a person's joints in a crop around them, with the probability of a person."""
+        return self.joint_net.look(
+            Crop(found.depth, labels, found.camera, person.label, person.torso, person.probability)
         )
 
 
-def _is_alone(person: Sighting, people: Sequence[Sighting]) -> bool:
+def _is_alone(person: Detection, people: Sequence[Detection]) -> bool:
     """Check that no other person is so near that the mask might include parts of them."""
     return all(p is person or np.linalg.norm(p.place - person.place) > _ALONE_M for p in people)
 
 
-def _sighting(
-    person: Detection, measured: JointMeasurement, labels: NDArray[np.uint8], news: NDArray[np.bool_]
-) -> Sighting:
+def _detection(
+    person: TorsoDetection, measured: JointMeasurement, labels: NDArray[np.uint8], news: NDArray[np.bool_]
+) -> Detection:
     """Return the detection of a person with measured joints."""
     own = labels == person.label
-    return Sighting(
+    return Detection(
         label=person.label,
         place=person.torso,
         probability=measured.probability,

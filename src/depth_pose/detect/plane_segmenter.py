@@ -18,7 +18,7 @@ from depth_pose.core.types import BACKGROUND, HIDDEN, PERSON, DepthFrame
 from depth_pose.detect import _surface_kernels as kernels
 from depth_pose.detect._border_kernels import mark_unsupported
 from depth_pose.detect.planes import PlaneFinder
-from depth_pose.detect.segmentation import Segmentation, Sighting
+from depth_pose.detect.segmentation import Detection, Segmentation
 from depth_pose.detect.working_grid import reduce_frame
 from depth_pose.detect.working_grid import warm_up as warm_up_grid
 
@@ -97,7 +97,7 @@ class PlaneSegmenter:
             depth=np.where(person, depth, np.float32(0)),
             labels=labels,
             camera=camera,
-            sightings=_sighting_of(points[person]),
+            detections=_detections_of(points[person]),
         )
 
     def _find_person(
@@ -156,12 +156,12 @@ class PlaneSegmenter:
         return chosen[labels]
 
 
-def _sighting_of(points: NDArray[np.float32]) -> tuple[Sighting, ...]:
+def _detections_of(points: NDArray[np.float32]) -> tuple[Detection, ...]:
     """Build the detection of the person with these points (N, 3); none without points."""
     if len(points) == 0:
         return ()
     place = np.median(points.astype(np.float64), axis=0)
-    return (Sighting(PERSON, place, 1.0),)
+    return (Detection(PERSON, place, 1.0),)
 
 
 def _share_inside(low: NDArray[np.float64], high: NDArray[np.float64], box: NDArray[np.float64]) -> float:

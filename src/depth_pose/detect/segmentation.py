@@ -14,7 +14,7 @@ from depth_pose.core.types import DepthFrame
 
 
 @dataclass(frozen=True)
-class Sighting:
+class Detection:
     """A person in a frame, without an id.
 
     Attributes
@@ -50,7 +50,7 @@ class Segmentation:
         Number of each pixel's person, 0 for free space, or `depth_pose.core.types.HIDDEN`.
     camera : Camera
         Camera of the working grid.
-    sightings : tuple of Sighting
+    detections : tuple of Detection
     out_of_range : int
         Number of people who are too near or too far.
     """
@@ -58,7 +58,7 @@ class Segmentation:
     depth: NDArray[np.float32]
     labels: NDArray[np.uint8]
     camera: Camera
-    sightings: tuple[Sighting, ...]
+    detections: tuple[Detection, ...]
     out_of_range: int = 0
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.errors import ConfigError
+from depth_pose.core.odds import logistic
 from depth_pose.detect._measure_kernels import MEASURES
 
 
@@ -55,5 +56,5 @@ class Verifier:
     def probability(self, measures: NDArray[np.float64]) -> NDArray[np.float64]:
         """Compute the probability that each cluster (P, MEASURES) is a person."""
         x = np.clip((measures - self.mean) / self.scale, -5.0, 5.0)
-        logit = np.maximum(x @ self.hidden + self.hidden_bias, 0.0) @ self.out + self.out_bias
-        return 1.0 / (1.0 + np.exp(-logit))
+        log_odds = np.maximum(x @ self.hidden + self.hidden_bias, 0.0) @ self.out + self.out_bias
+        return np.asarray(logistic(log_odds))

@@ -1,7 +1,7 @@
 """Exemplars whose joints lie near the joints proposed by the finder.
 
 The subspace of Sec. 5 compares clouds, in which an arm in front of the trunk has little weight. The proposals
-(`depth_pose.detect.joint_finder`) locate the arm. The exemplars whose joints are most similar to the
+(`depth_pose.detect.joint_net`) locate the arm. The exemplars whose joints are most similar to the
 proposals are compared by rendered depth in addition to the others.
 """
 

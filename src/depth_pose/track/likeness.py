@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.measurement import TYPICAL_ERROR_M
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, rest_nodes
-from depth_pose.detect.segmentation import Sighting
+from depth_pose.detect.segmentation import Detection
 
 _MISSED, _HIDES_S = 0.03, 4.0
 """Probability of missing a person in view in a frame, and mean time for which people stay in view (s); set
@@ -162,15 +162,15 @@ class Traits:
     variance: NDArray[np.float64]
 
 
-def traits_of(sighting: Sighting) -> Traits:
+def traits_of(detection: Detection) -> Traits:
     """Compute the identifying traits of a detection.
 
     The size is the least-squares scale of the average skeleton's bones to the proposed ones, each weighted by
     the errors of its two ends; a third of a joint's squared error lies along the bone.
     """
-    measured = sighting.measured
+    measured = detection.measured
     if measured is None:
-        return Traits(sighting.place, None, np.zeros((0, 3)), np.zeros(0))
+        return Traits(detection.place, None, np.zeros((0, 3)), np.zeros(0))
     joints = measured.places.astype(np.float64)
     confidence = np.maximum(measured.confidence.astype(np.float64), _LEAST_CONFIDENCE)
     variance = TYPICAL_ERROR_M**2 * (1.0 / confidence - 1.0)
@@ -178,7 +178,7 @@ def traits_of(sighting: Sighting) -> Traits:
     total = float(weight @ _FRACTIONS)
     stature = max(float(weight @ _lengths(joints)) / total, 1e-2)
     size = Size(math.log(stature), 1.0 / (total * stature**2) + _BUILD_SD**2)
-    return Traits(sighting.place, size, joints, variance)
+    return Traits(detection.place, size, joints, variance)
 
 
 def fragments(everybody: Sequence[Traits]) -> set[int]:

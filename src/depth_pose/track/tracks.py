@@ -17,7 +17,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
 from depth_pose.core.stamps import StampGuard
-from depth_pose.detect.segmentation import Sighting
+from depth_pose.detect.segmentation import Detection
 from depth_pose.track import likeness
 from depth_pose.track.likeness import Size, Traits
 from depth_pose.track.memory import MEMORY_NS, RETURN_NS
@@ -45,7 +45,7 @@ class _Track:
     first: NDArray[np.float64]
     velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
     number: int = 0
-    sightings: int = 0
+    detections: int = 0
     evidence: float = 0.0
     size: Size | None = field(init=False)
     began_ns: int = field(init=False)
@@ -56,7 +56,7 @@ class _Track:
     @property
     def probability(self) -> float:
         """Probability that this is a person, from all detections."""
-        return self.evidence / (self.sightings + _DOUBT)
+        return self.evidence / (self.detections + _DOUBT)
 
     @property
     def has_moved(self) -> bool:
@@ -79,17 +79,17 @@ class _Track:
     def take_over(self, back: _Track) -> None:
         """Continue the track of a hidden person."""
         self.number = back.number
-        self.sightings += back.sightings
+        self.detections += back.detections
         self.evidence += back.evidence
         if back.size is not None:
             self.size = back.size if self.size is None else back.size.merged(self.size, math.inf)
 
     def see(self, seen: Traits, probability: float, stamp_ns: int) -> None:
         """Update the track with a detection."""
-        self.sightings += 1
+        self.detections += 1
         self.evidence += probability
         seconds = (stamp_ns - self.seen_ns) * 1e-9
-        if seen.size is not None and self.sightings > 1:
+        if seen.size is not None and self.detections > 1:
             self.size = seen.size if self.size is None else self.size.merged(seen.size, seconds)
         if seconds > 0.0:
             share = 1.0 - (1.0 - _VELOCITY_SHARE) ** (seconds / _VELOCITY_S)
@@ -126,12 +126,12 @@ class PeopleTracks:
         self.reset()
         self._count = 0
 
-    def assign(self, sightings: Sequence[Sighting], stamp_ns: int) -> tuple[str | None, ...]:
+    def assign(self, detections: Sequence[Detection], stamp_ns: int) -> tuple[str | None, ...]:
         """Assign ids to the detections of a frame.
 
         Parameters
         ----------
-        sightings : sequence of Sighting
+        detections : sequence of Detection
         stamp_ns : int
 
         Returns
@@ -143,30 +143,30 @@ class PeopleTracks:
             self.reset()
         self._tracks = [t for t in self._tracks if t.is_kept(stamp_ns)]
         self._before_ns, self._now_ns = self._now_ns, stamp_ns
-        traits = [likeness.traits_of(s) for s in sightings]
+        traits = [likeness.traits_of(s) for s in detections]
         parts = likeness.fragments(traits)
-        track_of = self._pair(sightings, traits, parts, stamp_ns)
-        for k, sighting in enumerate(sightings):
-            if k not in track_of and k not in parts and sighting.probability >= self._start:
-                track_of[k] = _Track(traits[k], stamp_ns, sighting.place)
+        track_of = self._pair(detections, traits, parts, stamp_ns)
+        for k, detection in enumerate(detections):
+            if k not in track_of and k not in parts and detection.probability >= self._start:
+                track_of[k] = _Track(traits[k], stamp_ns, detection.place)
                 self._tracks.append(track_of[k])
         for k, track in track_of.items():
-            track.see(traits[k], sightings[k].probability, stamp_ns)
+            track.see(traits[k], detections[k].probability, stamp_ns)
         for k, track in track_of.items():
-            self._believe(track, sightings[k], stamp_ns)
-        return tuple(_name(track_of[k]) if k in track_of else None for k in range(len(sightings)))
+            self._believe(track, detections[k], stamp_ns)
+        return tuple(_name(track_of[k]) if k in track_of else None for k in range(len(detections)))
 
     def probability(self, body_id: str) -> float:
         """Return the person probability of a track, from all detections; 0 without a track."""
         return next((t.probability for t in self._tracks if _name(t) == body_id), 0.0)
 
-    def _believe(self, track: _Track, sighting: Sighting, stamp_ns: int) -> None:
+    def _believe(self, track: _Track, detection: Detection, stamp_ns: int) -> None:
         """Assign a number to a confirmed track: that of a hidden person, or a new one."""
-        surely = self._start if sighting.is_new_content or track.has_moved else self._sure
-        if track.number > 0 or sighting.probability < surely:
+        surely = self._start if detection.is_new_content or track.has_moved else self._sure
+        if track.number > 0 or detection.probability < surely:
             return
         hidden = [t for t in self._tracks if t.number > 0 and t.seen_ns < track.began_ns]
-        gains = [self._gain(t, sighting, track.traits, stamp_ns) for t in hidden]
+        gains = [self._gain(t, detection, track.traits, stamp_ns) for t in hidden]
         if gains and max(gains) > 0.0:
             back = hidden[int(np.argmax(gains))]
             self._tracks.remove(back)
@@ -175,48 +175,48 @@ class PeopleTracks:
             self._count += 1
             track.number = self._count
 
-    def _gain(self, track: _Track, sighting: Sighting, seen: Traits, stamp_ns: int) -> float:
+    def _gain(self, track: _Track, detection: Detection, seen: Traits, stamp_ns: int) -> float:
         """Compute the gain (nats) of pairing a detection with a track."""
         frame_s = (stamp_ns - self._before_ns) * 1e-9
         odds = likeness.seen_odds((stamp_ns - track.seen_ns) * 1e-9, frame_s, track.number > 0)
-        new = likeness.new_density(sighting.probability, frame_s)
+        new = likeness.new_density(detection.probability, frame_s)
         return odds - math.log(new) + track.gain(seen, stamp_ns)
 
     def _pair(
-        self, sightings: Sequence[Sighting], traits: Sequence[Traits], parts: set[int], stamp_ns: int
+        self, detections: Sequence[Detection], traits: Sequence[Traits], parts: set[int], stamp_ns: int
     ) -> dict[int, _Track]:
         """Pair detections, by index, with tracks at the largest sum of gains; fragments revive no track."""
         gains = {
             (i, k): gain
             for i, track in enumerate(self._tracks)
-            for k, sighting in enumerate(sightings)
-            if sighting.probability >= self._keep
+            for k, detection in enumerate(detections)
+            if detection.probability >= self._keep
             and (k not in parts or track.seen_ns == self._before_ns)
-            and (gain := self._gain(track, sighting, traits[k], stamp_ns)) > 0.0
+            and (gain := self._gain(track, detection, traits[k], stamp_ns)) > 0.0
         }
-        return {k: self._tracks[i] for i, k in best_pairs(gains, len(self._tracks), len(sightings))}
+        return {k: self._tracks[i] for i, k in best_pairs(gains, len(self._tracks), len(detections))}
 
 
-def best_pairs(gains: dict[tuple[int, int], float], tracks: int, sightings: int) -> list[tuple[int, int]]:
+def best_pairs(gains: dict[tuple[int, int], float], tracks: int, detections: int) -> list[tuple[int, int]]:
     """Choose disjoint pairs of (track, detection) with the largest sum of gains.
 
     Parameters
     ----------
     gains : dict of (int, int) to float
         Positive, of the pairs that may be chosen.
-    tracks, sightings : int
+    tracks, detections : int
         Numbers of tracks and detections.
     """
     if len({i for i, _ in gains}) == len({k for _, k in gains}) == len(gains):  # the usual case
         return list(gains)
     # `scipy.optimize` has the same but takes .4 s to import; a track may stay alone at a gain of 0
     most = 1.0 + max(gains.values())
-    costs = np.zeros((tracks, sightings + tracks))
-    costs[:, sightings:] = np.diag(np.full(tracks, most))  # 0 is no edge
+    costs = np.zeros((tracks, detections + tracks))
+    costs[:, detections:] = np.diag(np.full(tracks, most))  # 0 is no edge
     for pair, gain in gains.items():
         costs[pair] = most - gain
     rows, columns = min_weight_full_bipartite_matching(csr_array(costs))
-    return [(int(i), int(k)) for i, k in zip(rows, columns, strict=True) if k < sightings]
+    return [(int(i), int(k)) for i, k in zip(rows, columns, strict=True) if k < detections]
 
 
 def _name(track: _Track) -> str | None:

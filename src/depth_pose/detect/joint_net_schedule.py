@@ -1,4 +1,4 @@
-"""Schedule of second looks: where there are more than two people, they take turns.
+"""Schedule of the joint net: where there are more than two people, they take turns.
 
 The last look is reused for a person who was confirmed a moment ago and has not moved away. Two people are
 examined in every frame: reused joints lag behind fast motion, and count as less exact.
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.measurement import JointMeasurement
-from depth_pose.detect.finder import Detection
+from depth_pose.detect.finder import TorsoDetection
 
 _LONGEST_NS = 100_000_000
 """Maximum age (ns) of a reused look, the same as for the matcher's candidates."""
@@ -30,7 +30,7 @@ _STALE_M = 0.08
 .04, .08 and .2."""
 
 _SURE = 0.9
-"""Least person probability of both looks for reusing the last one."""
+"""Least person probability of the last look for reusing it."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ class _Look:
     age: int
 
 
-class LastLooks:
-    """Last looks at the people of the previous frame.
+class JointNetSchedule:
+    """Decides who is looked at, and keeps the last looks at the people of the previous frame.
 
     Parameters
     ----------
@@ -61,13 +61,16 @@ class LastLooks:
         self._looks: list[_Look] = []
 
     def renew(
-        self, people: Sequence[Detection], stamp_ns: int, look: Callable[[Detection], JointMeasurement]
+        self,
+        people: Sequence[TorsoDetection],
+        stamp_ns: int,
+        look: Callable[[TorsoDetection], JointMeasurement],
     ) -> list[JointMeasurement]:
         """Examine the people whose turn it is, and reuse the last looks of the others.
 
         Parameters
         ----------
-        people : sequence of Detection
+        people : sequence of TorsoDetection
             All people in the frame.
         stamp_ns : int
         look : callable
@@ -99,7 +102,7 @@ class LastLooks:
         self._looks = looks
         return [k.seen for k in looks]
 
-    def _before(self, person: Detection) -> _Look | None:
+    def _before(self, person: TorsoDetection) -> _Look | None:
         """Return the last look at a person; None if no one, or more than one, was near that place."""
         near = [k for k in self._looks if np.linalg.norm(k.torso - person.torso) < _APART_M]
         alone = len(near) == 1 and np.linalg.norm(near[0].torso - person.torso) < _MOVED_M

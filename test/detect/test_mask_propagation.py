@@ -13,10 +13,10 @@ from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import HIDDEN, PERSON, DepthFrame
 from depth_pose.detect._carry_kernels import Before, CarryLimits, carry_labels, count_inside, take_new
 from depth_pose.detect.candidates import Candidates
-from depth_pose.detect.finder import Detection
-from depth_pose.detect.last_people import LastPeople
+from depth_pose.detect.finder import TorsoDetection
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
-from depth_pose.detect.segmentation import Sighting
+from depth_pose.detect.mask_propagation import MaskPropagation
+from depth_pose.detect.segmentation import Detection
 
 STEP_NS = 33_000_000
 
@@ -64,7 +64,7 @@ def test_who_moves_is_carried_over_whole() -> None:
         both = is_person(carried.labels) & is_person(found.labels)
         either = is_person(carried.labels) | is_person(found.labels)
         assert both.sum() > 0.97 * either.sum()
-        (here,), (there,) = carried.sightings, found.sightings
+        (here,), (there,) = carried.detections, found.detections
         np.testing.assert_allclose(here.place, there.place, atol=0.1)
         assert here.label == there.label == PERSON
     assert carrying.searches == 12
@@ -75,14 +75,14 @@ def test_who_comes_in_is_searched_for() -> None:
     for _ in range(3):
         watched.see(shown(0))
     crowd = seen(0, [person(0, -0.5, 3.2), person(0, 0.9, 2.8)])
-    assert len(watched.see(crowd).sightings) == 2
+    assert len(watched.see(crowd).detections) == 2
     assert watched.searches == 2
 
 
 def test_who_leaves_is_searched_for() -> None:
     watched = Watched(every=100)
     watched.see(shown(0))
-    assert not watched.see(seen(0, [])).sightings
+    assert not watched.see(seen(0, [])).detections
     assert watched.searches == 2
 
 
@@ -128,13 +128,13 @@ def test_what_is_new_goes_on_from_somebody_or_stays_nobody_s() -> None:
 
 def test_the_warm_up_carries_people_over(monkeypatch: pytest.MonkeyPatch) -> None:
     segmenter = LearnedSegmenter(SegmentConfig())
-    carried, carry = [], LastPeople.carry
+    carried, carry = [], MaskPropagation.carry
 
-    def watch(people: LastPeople, frame: DepthFrame) -> Candidates | None:
+    def watch(people: MaskPropagation, frame: DepthFrame) -> Candidates | None:
         carried.append(carry(people, frame))
         return carried[-1]
 
-    monkeypatch.setattr(LastPeople, "carry", watch)
+    monkeypatch.setattr(MaskPropagation, "carry", watch)
     segmenter.warm_up()
     assert [c is not None for c in carried] == [False, True]
 
@@ -144,17 +144,17 @@ def test_a_weak_detection_takes_nothing_from_a_confirmed_person(probability: flo
     depth = np.full((12, 20), np.float32(2.0))
     shown = np.zeros(depth.shape, np.uint8)
     shown[2:10, 4:16] = 1
-    known = Detection(1, 0.95, np.array([0.0, 0.0, 2.0]))
+    known = TorsoDetection(1, 0.95, np.array([0.0, 0.0, 2.0]))
     before = Candidates(depth, shown, Camera(20, 12, 20.0, 20.0, 9.5, 5.5), (known,), 0)
-    people = LastPeople(SegmentConfig())
-    people.keep(before, [Sighting(1, known.torso, 0.95)], 10**18, shown)
+    people = MaskPropagation(SegmentConfig())
+    people.keep(before, [Detection(1, known.torso, 0.95)], 10**18, shown)
     now = depth.copy()
     now[:, 13:] = 2.3  # the person is not there any more
     labels = shown.copy()
     labels[7:, :] = 2  # a bed, with a part of the person
     labels[2, 4:16] = 0  # lost by the search
     found = replace(
-        before, depth=now, labels=labels, people=(known, Detection(2, probability, known.torso + 0.3))
+        before, depth=now, labels=labels, people=(known, TorsoDetection(2, probability, known.torso + 0.3))
     )
     kept, is_returned = people.give_back(found, 10**18 + STEP_NS)
     was_theirs = (shown == 1) & (now == 2.0)

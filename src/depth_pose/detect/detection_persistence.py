@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.detect.segmentation import Sighting
+from depth_pose.detect.segmentation import Detection
 
 _HALF_LIFE_S = 4.0
 """Half-life of a belief, seconds. Set by hand."""
@@ -25,7 +25,7 @@ who has not moved. Set by hand."""
 
 @dataclass(frozen=True)
 class _Belief:
-    """A confident sighting: its pixels, their depth, its probability and its stamp."""
+    """A confident detection: its pixels, their depth, its probability and its stamp."""
 
     own: NDArray[np.bool_]
     depth: NDArray[np.float32]
@@ -33,13 +33,13 @@ class _Belief:
     stamp_ns: int
 
 
-class Beliefs:
+class DetectionPersistence:
     """Carries the probability of people who do not move from frame to frame.
 
     Parameters
     ----------
     sure : float
-        Least probability of both looks that is carried.
+        Least probability that is carried.
     """
 
     def __init__(self, sure: float) -> None:
@@ -52,29 +52,29 @@ class Beliefs:
 
     def renew(
         self,
-        sightings: Sequence[Sighting],
+        detections: Sequence[Detection],
         labels: NDArray[np.uint8],
         depth: NDArray[np.float32],
         stamp_ns: int,
-    ) -> list[Sighting]:
-        """Raise probabilities to those of the best earlier sighting, which decay with time.
+    ) -> list[Detection]:
+        """Raise probabilities to those of the best earlier detection, which decay with time.
 
         Parameters
         ----------
-        sightings : sequence of Sighting
+        detections : sequence of Detection
         labels : (h, w) uint8
-            Person at each pixel, by `Sighting.label`.
+            Person at each pixel, by `Detection.label`.
         depth : (h, w) float32
             Metres.
         stamp_ns : int
         """
         renewed, beliefs = [], []
-        for sighting in sightings:
-            own = (labels == sighting.label) & (depth > 0)
+        for detection in detections:
+            own = (labels == detection.label) & (depth > 0)
             carried = max((self._carried(b, own, depth, stamp_ns) for b in self._beliefs), default=0.0)
-            probability = max(sighting.probability, carried)
-            renewed.append(replace(sighting, probability=probability))
-            if carried > 0.0 or sighting.probability >= self._sure:
+            probability = max(detection.probability, carried)
+            renewed.append(replace(detection, probability=probability))
+            if carried > 0.0 or detection.probability >= self._sure:
                 beliefs.append(_Belief(own, depth, probability, stamp_ns))
         self._beliefs = beliefs
         return renewed
@@ -82,7 +82,7 @@ class Beliefs:
     def _carried(
         self, belief: _Belief, own: NDArray[np.bool_], depth: NDArray[np.float32], stamp_ns: int
     ) -> float:
-        """Return the decayed belief for the pixels of a sighting; 0 for another person, or one who moved."""
+        """Return the decayed belief for the pixels of a detection; 0 for another person, or one who moved."""
         past_s = (stamp_ns - belief.stamp_ns) * 1e-9
         if not 0 < past_s <= _LONGEST_S or belief.own.shape != own.shape:
             return 0.0

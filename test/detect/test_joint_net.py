@@ -11,13 +11,23 @@ import pytest
 
 import synthetic as syn
 from depth_pose.core.config import SegmentConfig
-from depth_pose.core.measurement import CropMask, CropView
-from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, MIRROR_JOINTS, MIRROR_LANDMARKS, NODE_INDEX
+from depth_pose.core.measurement import CropMask, CropView, JointMeasurement
+from depth_pose.core.skeleton import (
+    JOINT_INDEX,
+    JOINT_NODES,
+    LANDMARKS,
+    MIRROR_JOINTS,
+    MIRROR_LANDMARKS,
+    NODE_INDEX,
+)
 from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
 from depth_pose.detect import _crop_kernels as kernels
 from depth_pose.detect.candidates import CandidateFinder
+from depth_pose.detect.crop import Crop
 from depth_pose.detect.crop_mask import add_and_remove, refuse
-from depth_pose.detect.joint_finder import DeviationScale, JointFinder, NetAnswer, PersonOdds
+from depth_pose.detect.joint_calibration import DeviationScale, PersonOdds
+from depth_pose.detect.joint_codec import JointCodec, JointCodes
+from depth_pose.detect.joint_net import VotingNet
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.detect.net import read_weights
 from depth_pose.sim.scenes import sample_scene
@@ -53,7 +63,7 @@ def test_weights_are_those_that_the_settings_were_made_for():
 def test_joints_of_somebody_who_stands_free(distance, turn):
     body = syn.posed(syn.arms_down(), distance=distance, turn=turn)
     seen, *others = sorted(
-        LearnedSegmenter(SegmentConfig()).segment(scene(body)).sightings, key=lambda s: -s.probability
+        LearnedSegmenter(SegmentConfig()).segment(scene(body)).detections, key=lambda s: -s.probability
     )
     assert all(other.probability < SegmentConfig().start for other in others)
     measured = seen.measured
@@ -70,7 +80,7 @@ def test_joints_of_somebody_who_stands_free(distance, turn):
 
 def test_same_frame_same_bits():
     frame = scene(syn.posed(syn.arms_down()))
-    first, again = (LearnedSegmenter(SegmentConfig()).segment(frame).sightings[0] for _ in range(2))
+    first, again = (LearnedSegmenter(SegmentConfig()).segment(frame).detections[0] for _ in range(2))
     np.testing.assert_array_equal(first.measured.places, again.measured.places)
     np.testing.assert_array_equal(first.measured.confidence, again.measured.confidence)
 
@@ -82,10 +92,10 @@ def test_with_the_mirror_image_left_and_right_are_seen_alike(turn):
     torso = np.array([0.3, 0.2, 2.6])
     gaps = []
     for mirror in (True, False):
-        finder, points = JointFinder(mirror=mirror), []
+        net, points = VotingNet(mirror=mirror), []
         for image, sign in zip(both, (1.0, -1.0), strict=True):
             labels = (np.abs(image - 2.6) < 0.5).astype(np.uint8)
-            seen = finder.find(image, labels, syn.CAMERA, 1, torso * [sign, 1.0, 1.0], 0.9)
+            seen = net.look(Crop(image, labels, syn.CAMERA, 1, torso * [sign, 1.0, 1.0], 0.9))
             points.append(seen.places * [sign, 1.0, 1.0])
         swapped = points[1][MIRROR_JOINTS]  # the mirror image's left is the right
         gaps.append(np.linalg.norm(points[0] - swapped, axis=1).mean())
@@ -96,7 +106,7 @@ def test_mirrored_twice_is_the_same():
     rng = np.random.default_rng(5)
     count = len(MIRROR_LANDMARKS)
     places, width = (rng.normal(size=(count, n)).astype(np.float32) for n in (3, 2))
-    answer = NetAnswer(places, width, 1.5, 2.0, np.eye(4, dtype=np.float32))
+    answer = JointCodes(places, width, 1.5, 2.0, np.eye(4, dtype=np.float32))
     again = answer.mirrored().mirrored()
     np.testing.assert_array_equal(again.places, answer.places)
     np.testing.assert_array_equal(again.mask, answer.mask)
@@ -118,7 +128,8 @@ def test_deviations_are_scaled_and_confidences_are_not(tmp_path):
         (folder / "joint_finder.json").write_text(json.dumps(settings | {"deviations": scaled}))
         depth = scene(syn.posed(syn.arms_down(), distance=2.6)).depth
         labels = (np.abs(depth - 2.6) < 0.5).astype(np.uint8)
-        seen.append(JointFinder(folder).find(depth, labels, syn.CAMERA, 1, np.array([0.0, 0.2, 2.6]), 0.9))
+        crop = Crop(depth, labels, syn.CAMERA, 1, np.array([0.0, 0.2, 2.6]), 0.9)
+        seen.append(VotingNet(folder).look(crop))
     np.testing.assert_allclose(seen[1].sigma, seen[0].sigma * [2.0, 1.0], rtol=1e-6)
     np.testing.assert_allclose(seen[1].heels[:, 3:], seen[0].heels[:, 3:] * [2.0, 1.0], rtol=1e-6)
     np.testing.assert_array_equal(seen[1].confidence, seen[0].confidence)
@@ -156,7 +167,7 @@ def test_bends_tell_noise_of_pixels_from_that_of_blocks():
 @pytest.mark.parametrize("torso", [(0.0, 0.0, 0.3), (4.0, -3.0, 1.0), (0.0, 0.0, 9.0)])
 def test_where_nobody_is_it_answers_in_numbers(torso):
     blank = np.zeros((syn.CAMERA.height, syn.CAMERA.width), np.float32)
-    seen = JointFinder().find(blank, blank.astype(np.uint8), syn.CAMERA, 1, np.array(torso), 0.5)
+    seen = VotingNet().look(Crop(blank, blank.astype(np.uint8), syn.CAMERA, 1, np.array(torso), 0.5))
     assert np.isfinite(seen.places).all()
     assert (seen.confidence > 0).all()
     assert 0 < seen.probability < 1
@@ -182,21 +193,50 @@ def test_second_look_tells_coats_and_heaps_from_people():
         candidates.reset()
         seen = segmenter.segment(frame)
         first += sum(p.probability >= 0.6 for p in candidates.find(frame).people)
-        second += sum(p.probability >= 0.6 for p in seen.sightings)
-        labels = {p.label for p in seen.sightings}
+        second += sum(p.probability >= 0.6 for p in seen.detections)
+        labels = {p.label for p in seen.detections}
         assert set(np.unique(seen.labels)) - {BACKGROUND, HIDDEN} <= labels  # things are background
     assert first > 10
     assert second <= 0.7 * first  # pets and crumpled blankets are new to it
 
 
-def test_a_point_comes_back_from_the_crop():
-    look, points = (
-        CropView(0.4, -0.2, 2.5, CELL_M),
-        np.random.default_rng(0).uniform(-0.6, 0.6, (19, 3)) + [0, 0, 2.5],
-    )
-    places = np.empty((19, 3))
-    kernels.to_crop(points, look, places)
-    np.testing.assert_allclose(kernels.from_crop(places, look), points, atol=1e-12)
+@pytest.mark.parametrize("behind", [-9.0, 9.0])
+def test_what_is_encoded_is_decoded(behind):
+    view = CropView(0.4, -0.2, 2.5, CELL_M)
+    landmarks = np.random.default_rng(0).uniform(-0.6, 0.6, (len(LANDMARKS), 3)) + [0, 0, 2.5]
+    codec = JointCodec(0.01)
+    places = codec.encode(landmarks, view)
+    if behind > 0:  # named by the side of the image
+        places = places[MIRROR_LANDMARKS]
+    widths = np.full((len(LANDMARKS), 2), np.log(0.05), np.float32)
+    decoded = codec.decode(JointCodes(places, widths, behind, 0.0, np.zeros((4, 4))), view)
+    np.testing.assert_allclose(decoded.places, landmarks, atol=1e-12)
+    assert decoded.sides == pytest.approx(1.0 / (1.0 + np.exp(-9.0)))
+    apart = np.linalg.norm(landmarks - landmarks[MIRROR_LANDMARKS], axis=1)
+    np.testing.assert_allclose(decoded.error - decoded.error.min(), (1.0 - decoded.sides) * apart, atol=1e-9)
+    mirrored = codec.encode(landmarks, view._replace(flip=-1.0))
+    np.testing.assert_allclose(mirrored[MIRROR_LANDMARKS] * [-1.0, 1.0, 1.0], codec.encode(landmarks, view))
+
+
+class _FixedNet:
+    """A joint net of a few lines: everybody stands straight."""
+
+    def look(self, crop):
+        down = np.linspace(-0.6, 0.9, 19)
+        places = (crop.torso + down[:, None] * [0.0, 1.0, 0.0]).astype(np.float32)
+        view = CropView(*crop.torso.tolist(), CELL_M)
+        mask = CropMask(np.zeros((SIDE, SIDE), np.float32), view)
+        sigma, sure = np.full((19, 2), 0.1, np.float32), np.full(19, 0.5, np.float32)
+        return JointMeasurement(places, sigma, sure, probability=crop.probability, mask=mask)
+
+
+def test_another_net_is_one_class():
+    segmenter = LearnedSegmenter(SegmentConfig())
+    segmenter.joint_net = _FixedNet()
+    detections = segmenter.segment(scene(syn.posed(syn.arms_down()))).detections
+    seen = max(detections, key=lambda d: d.probability)
+    assert seen.measured.heels.shape == (0, 5)
+    np.testing.assert_allclose(seen.measured.places[:, 0], seen.place[0], atol=1e-6)
 
 
 @pytest.mark.parametrize("flip", [1.0, -1.0])

@@ -21,8 +21,8 @@ from depth_pose.detect import _carry_kernels as kernels
 from depth_pose.detect import working_grid
 from depth_pose.detect._carry_kernels import Before, CarryLimits
 from depth_pose.detect.candidates import Candidates
-from depth_pose.detect.finder import LEAST_PIXELS, Detection
-from depth_pose.detect.segmentation import Sighting
+from depth_pose.detect.finder import LEAST_PIXELS, TorsoDetection
+from depth_pose.detect.segmentation import Detection
 
 _LONGEST_NS = 50_000_000
 """Maximum gap (ns) between frames; longer ones increase the error."""
@@ -52,7 +52,7 @@ class _Before:
     shown: NDArray[np.uint8]
 
 
-class LastPeople:
+class MaskPropagation:
     """The people of the previous frame.
 
     Parameters
@@ -113,15 +113,15 @@ class LastPeople:
     def keep(
         self,
         candidates: Candidates,
-        sightings: Sequence[Sighting],
+        detections: Sequence[Detection],
         stamp_ns: int,
         shown: NDArray[np.uint8],
     ) -> None:
         """Keep the confirmed people, and their pixels after both looks; none if one is uncertain."""
         self._before = None
-        if not sightings or min(s.probability for s in sightings) < _SURE:
+        if not detections or min(s.probability for s in detections) < _SURE:
             return
-        sure = {s.label for s in sightings}
+        sure = {s.label for s in detections}
         people = tuple(p for p in candidates.people if p.label in sure)
         labels = candidates.labels
         for thing in candidates.people:
@@ -146,7 +146,7 @@ class LastPeople:
         return replace(now, people=tuple(p for p in moved if p is not None)) if all(moved) else None
 
 
-def _moved(person: Detection, was: Candidates, now: Candidates) -> Detection | None:
+def _moved(person: TorsoDetection, was: Candidates, now: Candidates) -> TorsoDetection | None:
     """Move a person by the mean movement of the points; None if lost."""
     old, new = np.empty(3), np.empty(3)
     kernels.middle_of(was.depth, was.labels, person.label, was.camera, old)

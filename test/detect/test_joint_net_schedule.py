@@ -8,15 +8,15 @@ import pytest
 from crowd import person, seen
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.measurement import CropMask, CropView, JointMeasurement
-from depth_pose.detect.finder import Detection
-from depth_pose.detect.last_looks import LastLooks
+from depth_pose.detect.finder import TorsoDetection
+from depth_pose.detect.joint_net_schedule import JointNetSchedule
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 
 STEP_NS = 33_000_000
 
 
-def at(x: float, label: int = 1, z: float = 3.0) -> Detection:
-    return Detection(label, 0.99, np.array([x, 0.0, z]))
+def at(x: float, label: int = 1, z: float = 3.0) -> TorsoDetection:
+    return TorsoDetection(label, 0.99, np.array([x, 0.0, z]))
 
 
 FAR, FARTHER = at(2.0, label=2), at(4.0, label=3)
@@ -26,10 +26,10 @@ class Watcher:
     """Has second looks, and counts them."""
 
     def __init__(self, every: int = 2, probability: float = 0.99) -> None:
-        self.looks, self.probability, self.told = LastLooks(every), probability, 0
+        self.looks, self.probability, self.told = JointNetSchedule(every), probability, 0
         self.stamp_ns = 10**18
 
-    def look(self, person: Detection) -> JointMeasurement:
+    def look(self, person: TorsoDetection) -> JointMeasurement:
         self.told += 1
         return JointMeasurement(
             places=np.tile(person.torso, (19, 1)).astype(np.float32),
@@ -40,7 +40,7 @@ class Watcher:
             mask=CropMask(np.zeros((8, 8), np.float32), CropView(*person.torso.tolist(), 0.3)),
         )
 
-    def see(self, *people: Detection, step_ns: int = STEP_NS) -> int:
+    def see(self, *people: TorsoDetection, step_ns: int = STEP_NS) -> int:
         """Return the number of people looked at in the next frame."""
         self.stamp_ns, self.told = self.stamp_ns + step_ns, 0
         self.seen = self.looks.renew(people, self.stamp_ns, self.look)
@@ -122,7 +122,7 @@ def test_people_who_stand_still_are_seen_the_same_in_between() -> None:
     frames = [seen(k, [person(0, -1.0, 3.4), person(0, 0.0, 3.2), person(0, 0.9, 2.8)]) for k in range(4)]
     carried, fresh = (LearnedSegmenter(SegmentConfig(look_every=n)) for n in (2, 1))
     for frame in frames:
-        pairs = list(zip(*(s.segment(frame).sightings for s in (carried, fresh)), strict=True))
+        pairs = list(zip(*(s.segment(frame).detections for s in (carried, fresh)), strict=True))
         assert len(pairs) == 3
         for a, b in pairs:
             np.testing.assert_allclose(a.measured.places, b.measured.places, atol=1e-5)

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from depth_pose.detect.beliefs import Beliefs
-from depth_pose.detect.segmentation import Sighting
+from depth_pose.detect.detection_persistence import DetectionPersistence
+from depth_pose.detect.segmentation import Detection
 
 STEP_NS = 100_000_000
 
 
-def sighting(probability, label=1):
-    return Sighting(label, np.zeros(3), probability)
+def detection(probability, label=1):
+    return Detection(label, np.zeros(3), probability)
 
 
 def frame(columns=(10, 30), away=2.0):
@@ -22,9 +22,9 @@ def frame(columns=(10, 30), away=2.0):
 
 
 def run(frames, probabilities, step_ns=STEP_NS, beliefs=None):
-    beliefs = beliefs or Beliefs(0.9)
+    beliefs = beliefs or DetectionPersistence(0.9)
     return [
-        beliefs.renew([sighting(p)], *f, 1 + n * step_ns)[0].probability
+        beliefs.renew([detection(p)], *f, 1 + n * step_ns)[0].probability
         for n, (f, p) in enumerate(zip(frames, probabilities, strict=True))
     ]
 
@@ -61,14 +61,14 @@ def test_what_is_surer_now_counts():
 def test_a_gap_a_jump_back_and_a_reset_forget():
     assert run([frame()] * 2, [0.95, 0.3], step_ns=2_000_000_000)[1] == 0.3
     assert run([frame()] * 2, [0.95, 0.3], step_ns=-STEP_NS)[1] == 0.3
-    beliefs = Beliefs(0.9)
+    beliefs = DetectionPersistence(0.9)
     run([frame()], [0.95], beliefs=beliefs)
     beliefs.reset()
-    assert beliefs.renew([sighting(0.3)], *frame(), STEP_NS)[0].probability == 0.3
+    assert beliefs.renew([detection(0.3)], *frame(), STEP_NS)[0].probability == 0.3
 
 
 def test_an_image_of_another_size_is_another_camera():
-    beliefs = Beliefs(0.9)
+    beliefs = DetectionPersistence(0.9)
     run([frame()], [0.95], beliefs=beliefs)
     labels, depth = (a[::2, ::2] for a in frame())
-    assert beliefs.renew([sighting(0.3)], labels, depth, STEP_NS)[0].probability == 0.3
+    assert beliefs.renew([detection(0.3)], labels, depth, STEP_NS)[0].probability == 0.3

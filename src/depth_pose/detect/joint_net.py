@@ -1,0 +1,106 @@
+"""The joints of one detection, whether it is a person, and which pixels are theirs.
+
+The finder looks at whole images and places trunks well, limbs badly. A joint net looks at the crop around one
+torso. `JointNet` is what the pipeline asks of one; another net is another class.
+
+Of the packaged net (`VotingNet`) each cell of the crop votes for every landmark and predicts a weight for its
+vote (Xiong et al. 2019, *A2J*); it also predicts the deviation of each in the image plane and in depth, and
+whether the person is seen from behind. Hidden joints are inferred from the others, with larger deviations.
+Last, it predicts the probability that this is a person and not an object, trained on the finder's detections.
+Its four parts are `crop`, the net itself, `joint_codec` and `joint_calibration`. ``tools/people_finder``
+makes the weights; their settings hold the size of the crop.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.core.measurement import TYPICAL_ERROR_M, CropMask, JointMeasurement
+from depth_pose.core.skeleton import JOINTS
+from depth_pose.detect import _crop_kernels as kernels
+from depth_pose.detect.crop import Crop, CropSample, CropSampler
+from depth_pose.detect.joint_calibration import JointCalibration, crop_measures
+from depth_pose.detect.joint_codec import JointCodec, JointCodes
+from depth_pose.detect.net import open_net, read_weights
+
+_OUTPUTS = ["landmarks", "log_error", "behind", "person", "mask"]
+"""Outputs of the net."""
+
+_JOINT_COUNT = len(JOINTS)
+
+
+class JointNet(Protocol):
+    """Measures the joints of one detection; keeps no state between frames."""
+
+    def look(self, crop: Crop) -> JointMeasurement:
+        """Measure the joints of a crop's person, with the probability of a person, and a mask."""
+
+
+class VotingNet:
+    """The packaged joint net.
+
+    Parameters
+    ----------
+    weights : path, optional
+        A folder with a net in place of the packaged one.
+    mirror : bool
+        Whether to look at the mirror image, too, and to take the mean of both answers.
+
+    Attributes
+    ----------
+    sampler : CropSampler
+    session : InferenceSession
+    codec : JointCodec
+    calibration : JointCalibration
+    """
+
+    def __init__(self, weights: Path | None = None, mirror: bool = False) -> None:
+        self._mirror = mirror
+        settings = json.loads(read_weights("joint_finder.json", weights))
+        side = int(settings["side"])
+        self.sampler = CropSampler(side, float(settings["cell_m"]))
+        self.session = open_net(read_weights("joint_finder.onnx", weights))
+        self.codec = JointCodec(float(settings["least_width_m"]))
+        self.calibration = JointCalibration.of(settings)
+        self._features = np.zeros((1, kernels.CHANNELS, side, side), np.float32)
+        self._rows = np.array(settings["middle"])
+        self._middle = np.zeros((1, kernels.CHANNELS, len(self._rows), len(self._rows)), np.float32)
+        self._inputs = {"features": self._features, "middle": self._middle}
+
+    def look(self, crop: Crop) -> JointMeasurement:
+        """Measure the joints of a crop's person."""
+        sample = self.sampler.sample(crop)
+        measures = crop_measures(sample, crop.label)
+        codes = self._ask(sample, crop.label)
+        if self._mirror:
+            flipped = self._ask(self.sampler.sample(crop, flip=-1.0), crop.label)
+            codes = codes.mean(flipped.mirrored())
+        decoded = self.codec.decode(codes, sample.view)
+        sigma = decoded.sigma * self.calibration.deviations.factors(measures)
+        confidence = 1.0 / (1.0 + (decoded.error[:_JOINT_COUNT] / TYPICAL_ERROR_M) ** 2)
+        return JointMeasurement(
+            places=_rounded(decoded.places[:_JOINT_COUNT]),
+            sigma=_rounded(sigma[:_JOINT_COUNT]),
+            confidence=_rounded(confidence),
+            heels=_rounded(np.column_stack([decoded.places, sigma])[_JOINT_COUNT:]),
+            sides=decoded.sides,
+            probability=self.calibration.person.probability(crop.probability, codes.person),
+            mask=CropMask(codes.mask, sample.view),
+        )
+
+    def _ask(self, sample: CropSample, label: int) -> JointCodes:
+        """Run the net on one crop."""
+        kernels.fill_features(sample.grid, sample.whose, label, sample.view, self._features[0])
+        kernels.take_pixels(self._features[0], self._rows, self._middle[0])
+        places, log_width, behind, person, mask = self.session.run(_OUTPUTS, self._inputs)
+        return JointCodes(places[0], log_width[0], float(behind[0]), float(person[0]), mask[0])
+
+
+def _rounded(values: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return float32, as messages carry it."""
+    return values.astype(np.float32)
