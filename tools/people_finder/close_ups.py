@@ -15,12 +15,17 @@ from numpy.typing import NDArray
 from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.sim import _scene_kernels as kernels
+from depth_pose.sim.crowds import Casting
 from depth_pose.sim.furniture import AT_WALLS, STANDING
-from depth_pose.sim.people import sample_figure
-from depth_pose.sim.resting import Settled, child_in_arms, settle
-from depth_pose.sim.scene_noise import Shown, measure, sample_sensor
+from depth_pose.sim.home_scenes import AT_HOME, CHILD_M, CHILDREN, HOLDING, WRAPPED
+from depth_pose.sim.home_sensors import sample_home_sensor
+from depth_pose.sim.homes import HIDING, HOME_AT_WALLS, HOME_STANDING, dark_or_not
+from depth_pose.sim.people import HOLDS_M, sample_figure
+from depth_pose.sim.placed import Placed
+from depth_pose.sim.resting import Settled, child_in_arms
+from depth_pose.sim.rooms import draw_thing
+from depth_pose.sim.scene_noise import Shown, measure
 from depth_pose.sim.scene_view import View
-from depth_pose.sim.scenes import Placed, place
 from depth_pose.sim.shapes import Assembly, Kind, Triangles, triangulate
 
 Array = NDArray[np.float64]
@@ -45,6 +50,8 @@ _TRIES = 2
 """Number of cameras tried for each that is wanted. Set by hand."""
 _BLOCK = 32
 """Sides of drawn images are multiples of this many pixels, where the image has room."""
+_HIDDEN_SHARE = 0.5
+"""Share of people at home with something before them. Set by hand."""
 _NEAR_M = 0.05
 _OTHERS = 12
 """Number of figures kept for placing beside later ones."""
@@ -59,7 +66,7 @@ class CloseUp:
     depth : (h, w) uint16
         As measured, millimetres; 0 where nothing returned.
     whose : (h, w) uint8
-        1 where the image shows the person, 2 for others, 0 for things.
+        1 where the image shows the person, 2 for others, 0 for things; also where nothing returned.
     camera : Camera
         Camera of this part.
     landmarks : (21, 3) float32
@@ -82,10 +89,13 @@ class CloseUpMaker:
         Number of cameras that look at each person.
     anny : float
         Share of people with a body of Anny.
+    homes : float
+        Share of people as they are at home: dark clothes, pets, cloth and furniture before them.
     """
 
     views: int = 4
     anny: float = 0.0
+    homes: float = 0.5
     _others: list[Settled] = field(default_factory=list)
 
     def make(self, rng: np.random.Generator) -> list[CloseUp]:
@@ -96,14 +106,17 @@ class CloseUpMaker:
         names = list(POSTURES)
         shares = np.array(list(POSTURES.values()))
         posture = names[rng.choice(len(names), p=shares / shares.sum())]
-        figure = sample_figure(rng, posture, loose=True, anny=self.anny)
-        settled = settle(figure, rng)
-        person = place(settled.figure, 0.0, 0.0, 0.0, rng)
+        home = bool(rng.random() < self.homes)
+        casting = AT_HOME if home else Casting()
+        doing, tallest, wrapped = _habits(rng, posture) if home else (None, np.inf, 1.0)
+        figure = sample_figure(rng, posture, True, doing, tallest, self.anny, wrapped)
+        settled = casting.settle(figure, rng, None)
+        person = casting.place(settled.figure, (0.0, 0.0, 0.0), rng)
         shapes = Assembly(Kind.WALL)
         for thing in settled.things:
             shapes.add(thing)
-        beside = self._beside(settled, person, shapes, rng)
-        surroundings = _surround(shapes, person, beside, rng)
+        beside = self._beside(settled, person, shapes, casting, rng)
+        surroundings = _surround(shapes, person, beside, home, rng)
         room = triangulate(surroundings.shapes, rng)
         self._others = [*self._others[-_OTHERS:], settled]
         out = []
@@ -118,11 +131,16 @@ class CloseUpMaker:
         return out
 
     def _beside(
-        self, settled: Settled, person: Placed, shapes: Assembly, rng: np.random.Generator
+        self,
+        settled: Settled,
+        person: Placed,
+        shapes: Assembly,
+        casting: Casting,
+        rng: np.random.Generator,
     ) -> list[Placed]:
         """Place a child in the person's arms, and earlier figures at the same table or beside the person."""
         child = child_in_arms(settled.figure, rng)
-        around = [] if child is None else [place(child, 0.0, 0.0, 0.0, rng)]
+        around = [] if child is None else [casting.place(child, (0.0, 0.0, 0.0), rng)]
         others, spots = self._others, []
         if settled.table > 0:
             others = [o for o in others if o.figure.posture == "sit" and o.figure.seat_height > 0]
@@ -134,7 +152,7 @@ class CloseUpMaker:
             spots = [(away * np.sin(angle), away * np.cos(angle), rng.uniform(0, 2 * np.pi))]
         for x, z, turn in spots if others else []:
             other, turned = others[int(rng.integers(len(others)))], turn + rng.normal(0, 0.1)
-            placed = place(other.figure, x, z, turned, rng)
+            placed = casting.place(other.figure, (x, z, turned), rng)
             apart = np.linalg.norm(person.joints[:, None] - placed.joints[None], axis=-1)
             rests = other.things[:1]  # not their table
             if apart.min() > 0.2 and all(_put(shapes, t, x, z, turned, person.vertices[::10]) for t in rests):
@@ -150,8 +168,15 @@ class _Surroundings:
     walls: tuple[tuple[float, float], ...]
 
 
+def _habits(rng: np.random.Generator, posture: str) -> tuple[str | None, float, float]:
+    """Sample what a person at home holds up, their maximum stature (m), and how wrapped they are."""
+    holds = posture == "stand" and rng.random() < HOLDING
+    tallest = CHILD_M if rng.random() < CHILDREN else np.inf
+    return str(rng.choice(list(HOLDS_M))) if holds else None, tallest, WRAPPED
+
+
 def _surround(
-    shapes: Assembly, person: Placed, beside: list[Placed], rng: np.random.Generator
+    shapes: Assembly, person: Placed, beside: list[Placed], home: bool, rng: np.random.Generator
 ) -> _Surroundings:
     """Place floor, walls, furniture and supports around a person at the origin who faces +z."""
     walls: list[tuple[float, float]] = []
@@ -171,11 +196,18 @@ def _surround(
             walls.append((angle, away))
     points = np.concatenate([p.vertices[::10] for p in (person, *beside)])
     for _ in range(int(rng.poisson(rng.choice([0.5, 2.0, 5.0])))):
-        makers = STANDING if rng.random() < 0.7 else AT_WALLS
-        weights = np.array([w for _, w in makers])
-        thing = makers[int(rng.choice(len(makers), p=weights / weights.sum()))][0](rng)
+        standing, at_walls = (HOME_STANDING, HOME_AT_WALLS) if home else (STANDING, AT_WALLS)
+        thing = draw_thing(rng, standing if rng.random() < 0.7 else at_walls)
+        if home:
+            thing = dark_or_not(thing, rng)
         angle, away = rng.uniform(0, 2 * np.pi), rng.uniform(0.1, 2.2)
         _put(shapes, thing, away * np.sin(angle), away * np.cos(angle), rng.uniform(0, 2 * np.pi), points)
+    if home and rng.random() < _HIDDEN_SHARE:  # before the person, for cameras in the usual arrangement
+        thing, angle = dark_or_not(draw_thing(rng, HIDING), rng), rng.normal(0, 0.8)
+        low, high = thing.bounds()
+        away = reach * rng.uniform(0.3, 1.0) + 0.5 * float(high[2] - low[2]) + rng.uniform(0.05, 0.8)
+        turn = angle + rng.normal(0, 0.4)
+        _put(shapes, thing, away * np.sin(angle), away * np.cos(angle), turn, points)
     return _Surroundings(shapes, tuple(walls))
 
 
@@ -281,16 +313,11 @@ def _render(
     kernels.shade(vertices, faces, face, camera, cosine)
     albedo = np.append(np.concatenate(albedos), np.float32(0))[face]
     depth = np.divide(1.0, inverse, out=np.zeros(shape), where=face >= 0).astype(np.float32)
-    measured = measure(Shown(depth, cosine, albedo, camera.fx), sample_sensor(rng, _family(rng)), rng)
-    whose[measured == 0] = 0
-    if int((whose == 1).sum()) < _LEAST_PIXELS:
+    measured = measure(Shown(depth, cosine, albedo, camera.fx), sample_home_sensor(rng), rng)
+    if int(((whose == 1) & (measured > 0)).sum()) < _LEAST_PIXELS:
         return None
     landmarks = np.concatenate([joints, view.to_optical(person.heels)]).astype(np.float32)
     return CloseUp(np.rint(measured * 1000).astype(np.uint16), whose, camera, landmarks)
-
-
-def _family(rng: np.random.Generator) -> str:
-    return str(rng.choice(["structured", "tof", "stereo"], p=[0.3, 0.35, 0.35]))
 
 
 def _part(camera: Camera, torso: Array) -> Camera | None:

@@ -8,14 +8,18 @@ holds `SHARD` scenes on a grid of 240 rows by 320 columns, on which the image be
 
 ========== ====================== =====================================================================
 depth      (N, 240, 320) uint16   millimetres; 0 where nothing returned
-person     (N, 240, 320) uint8    number of the person from 1, 0 for nobody; of the image without noise
+person     (N, 240, 320) uint8    number of the person from 1, 0 for nobody; of the image without noise, so
+                                  also where a person returns no depth
 kind       (N, 240, 320) uint8    `depth_pose.sim.shapes.Kind`; likewise
 K          (N, 4) float32         fx, fy, cx, cy, pixels of the grid
 valid_size (N, 2) int16           rows and columns that the image fills; the rest of the grid is 0
 joints     (N, 6, 19, 3) float32  metres, optical frame; NaN where there is no such person
 visible    (N, 6) float32         share of a person's silhouette that the image shows; 0 for no person
+returned   (N, 6) float32         share of what the image shows of a person that has depth
 seen       (N, 6, 19) bool        whether a joint is in the image and hidden by nothing but the person
 up         (N, 3) float32         away from the floor, optical frame
+sensor     (N,) str               family of the sensor
+fabrics    (N, 6, 4) str          materials of hair, top, trousers and shoes; empty where unknown
 index      (N,) int64             number of the scene
 ========== ====================== =====================================================================
 """
@@ -38,6 +42,9 @@ from numpy.typing import NDArray
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from threadpoolctl import threadpool_limits
 
+from depth_pose.sim.home_scenes import sample_home
+from depth_pose.sim.home_sensors import sample_home_sensor
+from depth_pose.sim.materials import WORN
 from depth_pose.sim.scenes import MOST_PEOPLE, Scene, sample_scene
 
 SHARD = 250
@@ -52,17 +59,23 @@ app = typer.Typer(add_completion=False)
 class Style(StrEnum):
     """Kinds of scenes; the value is the first part of their file names."""
 
-    ROOMS = "scenes"
+    MIXED = "scenes"
+    ROOMS = "rooms"
+    HOMES = "homes"
     STUDIOS = "studios"
     LOOKALIKES = "lookalikes"
 
 
-def make_scene(seed: int, index: int, style: Style = Style.ROOMS) -> Scene:
-    """Make scene number `index` of a seed."""
+def make_scene(seed: int, index: int, style: Style = Style.MIXED) -> Scene:
+    """Make scene number `index` of a seed; of mixed ones and of lookalikes every second is a home."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, index]))
+    if style is Style.HOMES or (style in (Style.MIXED, Style.LOOKALIKES) and index % 2):
+        return sample_home(rng, width=COLUMNS, people=0 if style is Style.LOOKALIKES else None)
+    sensor = sample_home_sensor(rng)
     if style is Style.LOOKALIKES:
-        return sample_scene(rng, width=COLUMNS, people=0, studio=False, lookalikes=True)
-    return sample_scene(rng, width=COLUMNS, studio=True if style is Style.STUDIOS else None)
+        return sample_scene(rng, width=COLUMNS, people=0, studio=False, lookalikes=True, sensor=sensor)
+    studio = True if style is Style.STUDIOS else None
+    return sample_scene(rng, width=COLUMNS, studio=studio, sensor=sensor)
 
 
 def make_shard(folder: Path, seed: int, style: Style, first: int, count: int) -> int:
@@ -90,7 +103,10 @@ def _stack(scenes: list[Scene]) -> dict[str, NDArray[Any]]:
         "joints": np.full((n, MOST_PEOPLE, 19, 3), np.nan, np.float32),
         "visible": np.zeros((n, MOST_PEOPLE), np.float32),
         "seen": np.zeros((n, MOST_PEOPLE, 19), bool),
+        "returned": np.zeros((n, MOST_PEOPLE), np.float32),
         "up": np.zeros((n, 3), np.float32),
+        "sensor": np.array([scene.sensor for scene in scenes]),
+        "fabrics": np.zeros((n, MOST_PEOPLE, len(WORN)), "U16"),
     }
     for i, scene in enumerate(scenes):
         rows, columns = scene.depth.shape
@@ -100,8 +116,10 @@ def _stack(scenes: list[Scene]) -> dict[str, NDArray[Any]]:
         arrays["kind"][i, :rows, :columns] = scene.kind
         arrays["K"][i] = c.fx, c.fy, c.cx, c.cy
         arrays["valid_size"][i] = rows, columns
-        for name in ("joints", "visible", "seen"):
+        for name in ("joints", "visible", "seen", "returned"):
             arrays[name][i, :people] = getattr(scene, name)
+        for k, fabrics in enumerate(scene.fabrics):
+            arrays["fabrics"][i, k, : len(fabrics)] = fabrics
         arrays["up"][i] = scene.up
     return arrays
 
@@ -122,8 +140,12 @@ def main(
     seed: Annotated[int, typer.Option(min=0, help="Seed of all scenes")] = 1,
     workers: Annotated[int, typer.Option(min=1, help="Processes")] = 1,
     style: Annotated[
-        Style, typer.Option(help="Rooms; studios: people before a plain wall; lookalikes: nobody, but coats")
-    ] = Style.ROOMS,
+        Style,
+        typer.Option(
+            help="Scenes: half homes, half rooms; studios: people before a plain wall; lookalikes: half "
+            "homes, half rooms with coats, and nobody"
+        ),
+    ] = Style.MIXED,
 ) -> None:
     """Make scenes; existing shards are kept, so that an interrupted run can be continued."""
     out.mkdir(parents=True, exist_ok=True)

@@ -50,8 +50,8 @@ def main(
     train, check = folder / "train", folder / "val"
     alike, alike_check = folder / "lookalikes" / "train", folder / "lookalikes" / "val"
     for place, style, count, made_from in (
-        (train, Style.ROOMS, scenes, _TRAIN_SEED),
-        (check, Style.ROOMS, checks, _CHECK_SEED),
+        (train, Style.MIXED, scenes, _TRAIN_SEED),
+        (check, Style.MIXED, checks, _CHECK_SEED),
         (train, Style.STUDIOS, scenes // 12, _STUDIO_TRAIN_SEED),
         (check, Style.STUDIOS, checks // 4, _STUDIO_CHECK_SEED),
         (alike, Style.LOOKALIKES, _ALIKE, _ALIKE_TRAIN_SEED),

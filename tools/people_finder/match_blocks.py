@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.sim.people import sample_figure
+from depth_pose.sim.placed import place
 from depth_pose.sim.rooms import furnish, make_room
 from depth_pose.sim.scene_view import Drawn, draw, look
-from depth_pose.sim.scenes import place
 from depth_pose.sim.shapes import Triangles, triangulate
 from depth_pose.sim.stereo import StereoConfig, _filter, measure_stereo
 

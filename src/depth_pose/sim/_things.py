@@ -93,6 +93,8 @@ def belongings(rng: np.random.Generator, wearer: Wearer, doing: str) -> list[Pie
         Empty, or one object.
     """
     hands = [_palm(wearer, side) for side in ("left", "right")]
+    if doing in ("cloth", "board"):
+        return [_screen(rng, wearer, hands, doing == "cloth")]
     if doing == "carry":
         return [_between(rng, wearer, hands)]
     if doing == "hold" and rng.uniform() < 0.6:
@@ -102,6 +104,25 @@ def belongings(rng: np.random.Generator, wearer: Wearer, doing: str) -> list[Pie
     if doing == "free" and rng.uniform() < 0.13:
         return _hung(rng, wearer, hands)
     return []
+
+
+def _screen(rng: np.random.Generator, wearer: Wearer, hands: list[Array], soft: bool) -> Piece:
+    """Make a cloth that hangs from both hands, or a board between them, before the person."""
+    left, right = hands
+    ahead = 0.5 * (left + right) - wearer.node("chest")
+    axes = frame(np.array([ahead[0], 0.0, ahead[2]]), _UP)
+    wide = float(np.linalg.norm(left - right)) * rng.uniform(1.0, 1.6) + 0.1
+    if not soft:
+        half = np.array([max(wide / 2, 0.2), rng.uniform(0.15, 0.5), 0.01])
+        return moved(box(half), axes, 0.5 * (left + right) + axes @ [0.0, rng.normal(0, 0.12), 0.04])
+    across, down = np.linspace(-0.5, 0.5, 15)[None], np.linspace(0, 1, 9)[:, None]
+    long = rng.uniform(0.35, 1.0) * wearer.size
+    sag = 0.06 * (1 - (2 * across) ** 2) * rng.uniform(0.2, 1.0)
+    folds = rng.uniform(0.01, 0.05) * down * np.sin(across * rng.uniform(8, 30) + rng.uniform(0, 6))
+    local = np.stack([across * wide + 0 * down, 0.03 - sag - long * down, 0.03 + folds], axis=-1)
+    rows = 0.5 * (left + right) + local @ axes.T
+    rows[..., 1] = np.maximum(rows[..., 1], wearer.floor + 0.01)
+    return loft(rows, closed=False)
 
 
 def _palm(wearer: Wearer, side: str) -> Array:

@@ -14,7 +14,12 @@ Image = NDArray[np.float32]
 
 def smooth_field(rng: np.random.Generator, shape: tuple[int, ...], cell: float) -> Image:
     """Draw smooth noise over an image (H, W), deviation about 1, that varies over ``cell`` pixels."""
-    up, across = _spread(shape[0], cell), _spread(shape[1], cell)
+    return streaky_field(rng, shape, cell, cell)
+
+
+def streaky_field(rng: np.random.Generator, shape: tuple[int, ...], high: float, long: float) -> Image:
+    """Draw the same with other sizes along columns and rows, pixels."""
+    up, across = _spread(shape[0], high), _spread(shape[1], long)
     coarse = rng.standard_normal((up.shape[1], across.shape[1]), dtype=np.float32)
     return np.asarray(up @ coarse @ across.T)
 

@@ -50,6 +50,12 @@ HANDS_M = {
 """Wrists relative to the shoulders of people with a walking frame, crutches or a child: away from the trunk,
 up and forward, metres on the 1.75 m body; the left hand, the right hand. Set by hand."""
 
+HOLDS_M = {
+    "cloth": ((0.10, -0.06, 0.42), (0.10, -0.06, 0.42)),
+    "board": ((0.16, -0.24, 0.32), (0.16, -0.24, 0.32)),
+}
+"""The same of people who hold a cloth or a board up before themselves; only where asked for."""
+
 AIDED = {"stand": 0.16, "walk": 0.16}
 """Share of each posture with one of these. Set by hand."""
 
@@ -91,7 +97,7 @@ class Figure:
     stature : float
         Height standing upright, metres.
     doing : str
-        Activity: as in `depth_pose.motion.procedural.postures.parts.Kind`, or one of `HANDS_M`.
+        Activity: as in `depth_pose.motion.procedural.postures.parts.Kind`, or one of `HANDS_M` or `HOLDS_M`.
     """
 
     vertices: NDArray[np.float32]
@@ -113,6 +119,7 @@ def sample_figure(
     doing: str | None = None,
     tallest: float = np.inf,
     anny: float = 0.0,
+    wrapped: float = 1.0,
 ) -> Figure:
     """Draw a person.
 
@@ -129,11 +136,14 @@ def sample_figure(
         Vary the posture widely: halfway to another of its kind, and with arms that point anywhere; and
         sample a new build for this figure alone.
     doing : str, optional
-        One of `HANDS_M`; random by default.
+        One of `HANDS_M` or `HOLDS_M`; of `HANDS_M` and at random by default.
     tallest : float
         Maximum stature, metres.
     anny : float
         Share of bodies of Anny, which need the extra ``anny``; the others are of the embedded family.
+
+    wrapped : float
+        Factor on the shares of people in cloaks, skirts and coats, and with bags.
 
     Raises
     ------
@@ -158,7 +168,7 @@ def sample_figure(
     wearer = Wearer(
         rested.skin, rested.nodes, rested.rotations, build.body.weights, build.body.stature, floor
     )
-    worn = draw_worn(rng, wearer, posture, build.woman)
+    worn = draw_worn(rng, wearer, posture, build.woman, wrapped)
     vertices, faces = join([(rested.skin, build.body.faces), *worn])
     held_vertices, held_faces = join(things.belongings(rng, wearer, doing))
     return Figure(
@@ -230,7 +240,7 @@ def _with_hands(angles: Array, rng: np.random.Generator, doing: str) -> Array:
     out, swapped = angles.copy(), bool(rng.random() < 0.5)
     aside = rng.normal(0, (0.03, 0.05, 0.04))
     for k, arm in enumerate(ARM):
-        target = np.array(HANDS_M[doing][k ^ swapped]) + aside + rng.normal(0, 0.02, 3)
+        target = np.array((HANDS_M | HOLDS_M)[doing][k ^ swapped]) + aside + rng.normal(0, 0.02, 3)
         out[arm] = arm_to_target(target, np.array([0.4, -0.4, -1.0]) + rng.normal(0, 0.2, 3))
         out[arm] = with_shoulder_rhythm(out)[arm]
     return out
@@ -244,19 +254,21 @@ def draw_seated(rng: np.random.Generator) -> Array:
             return rotations
 
 
-def draw_worn(rng: np.random.Generator, wearer: Wearer, posture: str, woman: bool) -> list[Piece]:
-    """Draw hanging clothes, hair and bags."""
+def draw_worn(
+    rng: np.random.Generator, wearer: Wearer, posture: str, woman: bool, wrapped: float = 1.0
+) -> list[Piece]:
+    """Draw hanging clothes, hair and bags; ``wrapped`` is a factor on the shares of clothes and bags."""
     worn: list[Piece] = []
-    if posture in _UPRIGHT and rng.uniform() < CLOAKS:
+    if posture in _UPRIGHT and rng.uniform() < wrapped * CLOAKS:
         worn.append(garments.cloak(rng, wearer, rng.uniform(0.4, 1.35), bool(rng.uniform() < 0.4)))
     elif posture not in ("crawl", "squat", "kneel", "bend"):
         chance = rng.uniform()
-        if chance < SKIRTS * (1.7 if woman else 0.3):
+        if chance < wrapped * SKIRTS * (1.7 if woman else 0.3):
             worn.append(garments.skirt(rng, wearer, rng.uniform(0.3, 1.0), rng.uniform(0.0, 0.16), False))
-        elif chance > 1.0 - COATS:
+        elif chance > 1.0 - wrapped * COATS:
             opened = bool(rng.uniform() < 0.5)
             worn.append(garments.skirt(rng, wearer, rng.uniform(0.2, 0.75), rng.uniform(0.0, 0.07), opened))
-    return worn + _draw_headwear(rng, wearer, woman) + _draw_bags(rng, wearer, posture)
+    return worn + _draw_headwear(rng, wearer, woman) + _draw_bags(rng, wearer, posture, wrapped)
 
 
 def _draw_headwear(rng: np.random.Generator, wearer: Wearer, woman: bool) -> list[Piece]:
@@ -272,12 +284,12 @@ def _draw_headwear(rng: np.random.Generator, wearer: Wearer, woman: bool) -> lis
     return worn
 
 
-def _draw_bags(rng: np.random.Generator, wearer: Wearer, posture: str) -> list[Piece]:
+def _draw_bags(rng: np.random.Generator, wearer: Wearer, posture: str, wrapped: float) -> list[Piece]:
     chance = rng.uniform()
     if posture == "lie":
         return []
-    if chance < 0.09:
+    if chance < wrapped * 0.09:
         return [things.backpack(rng, wearer)]
-    if chance > 0.94:
+    if chance > 1.0 - wrapped * 0.06:
         return [things.shoulder_bag(rng, wearer)]
     return []

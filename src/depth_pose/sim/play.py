@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from depth_pose.sim.furniture import make_board, make_chair, make_pillar, make_plant, make_shelf
 from depth_pose.sim.performers import Act, Performer, Track
+from depth_pose.sim.placed import Placed, place
 from depth_pose.sim.rooms import Room, furnish, make_room
 from depth_pose.sim.scene_view import View
-from depth_pose.sim.scenes import Placed, place, sample_view
+from depth_pose.sim.scenes import sample_view
 from depth_pose.sim.shapes import Triangles, triangulate
 
 Array = NDArray[np.float64]

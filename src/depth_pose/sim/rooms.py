@@ -144,6 +144,23 @@ class Room:
         self._spots.append((x, z, radius))
         return True
 
+    def put_at_wall(self, rng: np.random.Generator, thing: Assembly, avoid: Sequence[Array]) -> None:
+        """Place an object with its back to the left, right or back wall."""
+        low, _ = thing.bounds()
+        w, off = self.walls, 0.03 - low[2]
+        for _ in range(_TRIES):
+            side = rng.integers(0, 3)
+            if side == 2:
+                wx, wz, turn = rng.uniform(-w.right, w.left), w.back - off, np.pi
+            else:
+                wz = rng.uniform(0.3, w.back)
+                wx, turn = (w.left - off, -np.pi / 2) if side == 0 else (off - w.right, np.pi / 2)
+            x, z = w.spot(wx, wz)
+            if is_before(thing, x, z, avoid) and rng.random() < 0.8:
+                continue
+            if self.put(thing, x, z, turn + w.turn, avoid):
+                return
+
     def _hides_too_long(self, way: Array, x: float, z: float, radius: float) -> bool:
         away = np.maximum(np.linalg.norm(way, axis=1), 1e-6)
         along = (x * way[:, 0] + z * way[:, 1]) / away
@@ -260,41 +277,22 @@ def furnish(room: Room, rng: np.random.Generator, avoid: Sequence[Array], view: 
         desk = make_table(rng, rng.uniform(0.4, 0.9))
         room.put(desk, rng.normal(0, 0.3), rng.uniform(0.7, 1.3), np.pi + rng.normal(0, 0.4), avoid, 0.0)
     for _ in range(int(rng.poisson(5))):
-        _put_at_wall(room, rng, avoid)
+        room.put_at_wall(rng, draw_thing(rng, AT_WALLS), avoid)
     for points in avoid:
         if rng.random() < 0.3:
             _put_before(room, rng, points, avoid)
     for _ in range(int(rng.poisson(rng.choice([2.0, 7.0, 14.0])))):
-        thing = _draw(rng, STANDING)
+        thing = draw_thing(rng, STANDING)
         for _ in range(_TRIES):
             away = rng.uniform(0.5, 1.0) ** 0.7 * reach * rng.uniform(0.2, 1.0)
             x, z = view.floor_spot(rng, away, 1.15)
-            if _hides(thing, x, z, avoid) and rng.random() < 0.8:
+            if is_before(thing, x, z, avoid) and rng.random() < 0.8:
                 continue
             if room.walls.inward(x, z) > 0.2 and room.put(thing, x, z, rng.uniform(0, 2 * np.pi), avoid):
                 break
 
 
-def _put_at_wall(room: Room, rng: np.random.Generator, avoid: Sequence[Array]) -> None:
-    """Place an object with its back to the left, right or back wall."""
-    thing, w = _draw(rng, AT_WALLS), room.walls
-    low, _ = thing.bounds()
-    off = 0.03 - low[2]
-    for _ in range(_TRIES):
-        side = rng.integers(0, 3)
-        if side == 2:
-            wx, wz, turn = rng.uniform(-w.right, w.left), w.back - off, np.pi
-        else:
-            wz = rng.uniform(0.3, w.back)
-            wx, turn = (w.left - off, -np.pi / 2) if side == 0 else (off - w.right, np.pi / 2)
-        x, z = w.spot(wx, wz)
-        if _hides(thing, x, z, avoid) and rng.random() < 0.8:
-            continue
-        if room.put(thing, x, z, turn + w.turn, avoid):
-            return
-
-
-def _hides(thing: Assembly, x: float, z: float, avoid: Sequence[Array]) -> bool:
+def is_before(thing: Assembly, x: float, z: float, avoid: Sequence[Array]) -> bool:
     """Whether an object at a spot stands between the camera and the middle of a person."""
     low, high = thing.bounds()
     radius = 0.35 * float(np.hypot(high[0] - low[0], high[2] - low[2]))
@@ -311,7 +309,7 @@ def _put_before(room: Room, rng: np.random.Generator, points: Array, avoid: Sequ
     """Place an object between the camera and a person, or touching the person from the side."""
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     for _ in range(_TRIES):
-        thing = _draw(rng, STANDING)
+        thing = draw_thing(rng, STANDING)
         if rng.random() < 0.5:
             x, _, z = middle * rng.uniform(0.35, 0.85) + rng.normal(0, 0.15, 3)
         else:
@@ -323,6 +321,7 @@ def _put_before(room: Room, rng: np.random.Generator, points: Array, avoid: Sequ
             return
 
 
-def _draw(rng: np.random.Generator, makers: Sequence[tuple[Maker, float]]) -> Assembly:
+def draw_thing(rng: np.random.Generator, makers: Sequence[tuple[Maker, float]]) -> Assembly:
+    """Make an object with one of some makers, drawn by their frequencies."""
     shares = np.array([share for _, share in makers])
     return makers[int(rng.choice(len(makers), p=shares / shares.sum()))][0](rng)

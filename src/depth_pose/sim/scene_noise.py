@@ -38,6 +38,7 @@ _FAMILY_SHARES = (0.4, 0.3, 0.3)
 """How often each family is drawn. Set by hand."""
 _MATERIALS = 64  # kinds of surface texture, told apart by their albedo
 _STEADY, _FLEETING = 0.8, 0.6  # of a video's patches, in deviations: what stays from frame to frame
+_DARK = np.float32(0.1)  # reflectance below which surfaces are dark
 _EDGE_JUMP = 0.04  # of the depth; a step between neighbours that is an edge
 
 
@@ -106,6 +107,12 @@ class SceneSensor:
         Light (albedo / z^2) above which a pixel is lost, 1/m^2.
     materials : int
         Stereo: seed of which materials have texture enough to be matched.
+    blotches : float
+        How much the limit varies more on dark surfaces, natural logarithm.
+    texture : (float, float)
+        Stereo: mean and deviation of the logarithm of the materials' texture.
+    darkness : float
+        Stereo: power of the reflectance of dark surfaces in the quality of their match; 0 for none.
     """
 
     family: str
@@ -127,6 +134,9 @@ class SceneSensor:
     vignette: float
     dazzle: float
     materials: int
+    blotches: float = 0.0
+    texture: tuple[float, float] = (0.3, 0.6)
+    darkness: float = 0.0
 
 
 def sample_sensor(rng: np.random.Generator, family: str | None = None) -> SceneSensor:
@@ -218,7 +228,10 @@ def measure(
     if sensor.flying:
         flies = edge & (rng.random(shape, dtype=np.float32) < sensor.flying)
         depth = np.where(flies, near + (far - near) * rng.random(shape, dtype=np.float32), depth)
-    lost |= light < sensor.least_light * np.exp(sensor.patchiness * patches)
+    unevenness = np.float32(sensor.patchiness)
+    if sensor.blotches:
+        unevenness = np.where(albedo < _DARK, unevenness + np.float32(sensor.blotches), unevenness)
+    lost |= light < sensor.least_light * np.exp(unevenness * patches)
     lost |= edge & (patches > 1.0 - 2.5 * sensor.edge_loss) & ~((sensor.flying > 0) & (patches < 0))
     lost |= albedo > sensor.dazzle * np.maximum(depth, 0.01) ** 2
     noisy = _noisy(depth, light, sensor, rng)
@@ -236,10 +249,13 @@ def _measure_stereo(
     shown: Shown, sensor: SceneSensor, stereo: StereoConfig, rng: np.random.Generator
 ) -> Image:
     """Measure with a stereo camera; the albedo of a material selects its texture."""
-    texture = np.exp(np.random.default_rng(sensor.materials).normal(0.3, 0.6, _MATERIALS)).astype(np.float32)
+    drawn = np.random.default_rng(sensor.materials).normal(*sensor.texture, _MATERIALS)
+    texture = np.exp(drawn).astype(np.float32)
     kind = (shown.albedo * 255).astype(np.int64) % _MATERIALS
     slant = np.maximum(shown.cosine, np.float32(0.05)) ** np.float32(0.5 * sensor.grazing_power)
     light = np.asarray(texture[kind] * slant, np.float32)
+    if sensor.darkness:
+        light *= np.clip(shown.albedo / _DARK, 1e-3, 1.0) ** np.float32(sensor.darkness)
     camera = stereo.scaled(shown.focal / sensor.native_focal)
     depth = measure_stereo(shown.depth, light, shown.focal, camera, rng)
     gone = (depth < sensor.near) | (depth > sensor.far)

@@ -17,14 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
-from depth_pose.core.skeleton import JOINT_INDEX
+from depth_pose.sim.crowds import place_people
 from depth_pose.sim.lookalikes import add_lookalikes
-from depth_pose.sim.people import Figure, sample_figure
-from depth_pose.sim.resting import Settled, child_in_arms, settle
-from depth_pose.sim.rooms import Room, add_backdrop, furnish, make_room
+from depth_pose.sim.placed import Placed
+from depth_pose.sim.rooms import add_backdrop, furnish, make_room
 from depth_pose.sim.scene_noise import SceneSensor, Shown, measure, sample_sensor
 from depth_pose.sim.scene_view import View, draw, look, silhouette_area
-from depth_pose.sim.shapes import Kind, Triangles, random_albedo, triangulate
+from depth_pose.sim.shapes import Kind, Triangles, triangulate
 
 Array = NDArray[np.float64]
 
@@ -33,8 +32,6 @@ MOST_PEOPLE = 6
 _NOBODY_SHARE = 0.15
 """Share of scenes without anybody. Set by hand."""
 _PEOPLE_SHARES = (0.38, 0.27, 0.15, 0.1, 0.06, 0.04)  # one to six
-_NEAR_SHARE, _NEAR_M, _MIDDLE_M, _FAR_M = 1 / 3, 0.6, 2.2, 6.0
-"""Share of people who are near; ranges of near and of far people, metres. Set by hand."""
 _ASPECTS = (4 / 3, 16 / 9, 11 / 9, 1.0)
 """Width of an image by its height. Set by hand."""
 _ASPECT_SHARES = (0.7, 0.12, 0.1, 0.08)
@@ -42,14 +39,9 @@ _ASPECT_SHARES = (0.7, 0.12, 0.1, 0.08)
 MOUNTINGS = {"common": 0.58, "ceiling": 0.24, "rolled": 0.1, "low": 0.08}
 """Shares of mountings: on a stand, shelf or robot; from a ceiling, looking down by 40 to 90
 degrees; likewise but rolled onto a side or upside down; near the floor. Set by hand."""
-_AT_TABLE_SHARE = 0.6
-"""Share of people seated on chairs who join an occupied table. Set by hand."""
-_CLEAR_ABOVE_M = 0.3
-"""Minimum distance of heads below an overhead camera, metres. Set by hand."""
 _JOINT_SLACK_M = 0.25  # deeper inside its owner's surface no joint is
-_TRIES = 12
-"""Number of spots tried for each person. Set by hand."""
-_EVERY = 12  # of a person's vertices suffices to keep furniture out of them
+EVERY = 12
+"""Stride over a person's vertices in the intersection test with furniture. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +72,12 @@ class Scene:
     height : float
         Of the camera above the floor, metres.
     sensor : str
-        The sensor's family: ``structured``, ``tof`` or ``stereo``.
+        The sensor's family: ``structured``, ``tof`` or ``stereo``; at home one of
+        `depth_pose.sim.home_sensors.HOME_FAMILIES`.
+    returned : (P,) float32
+        Share of a person's pixels of `person` that have depth; 0 for who is not shown.
+    fabrics : tuple of tuple of str
+        Materials of each person's hair, top, trousers and shoes; empty where unknown.
     """
 
     depth: NDArray[np.float32]
@@ -94,31 +91,8 @@ class Scene:
     up: NDArray[np.float32]
     height: float
     sensor: str
-
-
-@dataclass(frozen=True)
-class Placed:
-    """A person at their place in the room frame, metres.
-
-    Attributes
-    ----------
-    vertices, held_vertices : (V, 3) float64
-    joints : (19, 3) float64
-    heels : (2, 3) float64
-    faces, held_faces : (F, 3) int64
-    albedo : (F,) float32
-        Of `faces`.
-    held_albedo : float
-    """
-
-    vertices: Array
-    faces: NDArray[np.int64]
-    joints: Array
-    heels: Array
-    held_vertices: Array
-    held_faces: NDArray[np.int64]
-    albedo: NDArray[np.float32]
-    held_albedo: float
+    returned: NDArray[np.float32]
+    fabrics: tuple[tuple[str, ...], ...] = ()
 
 
 def sample_scene(
@@ -129,7 +103,7 @@ def sample_scene(
     studio: bool | None = None,
     lookalikes: bool = False,
     mounting: str | None = None,
-    sensor: str | None = None,
+    sensor: str | SceneSensor | None = None,
 ) -> Scene:
     """Make a random scene.
 
@@ -148,36 +122,48 @@ def sample_scene(
         Whether a room gets many things that look like people.
     mounting : str, optional
         One of `MOUNTINGS`; drawn where not given.
-    sensor : str, optional
-        The sensor's family, one of `FAMILIES`; drawn where not given. The same state gives the same people
-        and room with each.
+    sensor : str or SceneSensor, optional
+        The sensor, or its family, one of `FAMILIES`; drawn where not given. The same state gives the same
+        people and room with each.
     """
     if people is None:
         shares = _NOBODY_SHARE, *((1 - _NOBODY_SHARE) * np.array(_PEOPLE_SHARES))
         people = int(rng.choice(1 + MOST_PEOPLE, p=shares))
     view = sample_view(rng, width, mounting)
     room = make_room(rng, float(view.position[1]), studio)
-    persons = _people(rng, people, view, room)
-    points = [p.vertices[::_EVERY] for p in persons]
+    persons = place_people(rng, people, view, room)
+    points = [p.vertices[::EVERY] for p in persons]
     if room.studio:
         add_backdrop(room, rng, [float(p[:, 2].max()) for p in points])
     else:
         if lookalikes:
             add_lookalikes(room, rng, view, min(room.walls.back, 5.0))
         furnish(room, rng, points, view, min(room.walls.back, 9.0))
-    return render(view, triangulate(room.shapes, rng), persons, sample_sensor(rng, sensor), rng)
+    surfaces = triangulate(room.shapes, rng)
+    seen_by = sensor if isinstance(sensor, SceneSensor) else sample_sensor(rng, sensor)
+    return render(view, surfaces, persons, seen_by, rng)
 
 
 def sample_view(rng: np.random.Generator, width: int, mounting: str | None = None) -> View:
     """Draw a camera: field of view, shape of the image, and one of `MOUNTINGS`: height, tilt and roll."""
+    camera = sample_camera(rng, width)
+    mounting = mounting or str(rng.choice(list(MOUNTINGS), p=list(MOUNTINGS.values())))
+    return mount(rng, camera, mounting)
+
+
+def sample_camera(rng: np.random.Generator, width: int) -> Camera:
+    """Sample a field of view and an image that fits into ``width`` by three quarters of it."""
     aspect = float(rng.choice(_ASPECTS, p=_ASPECT_SHARES))
     tall = min(round(width * 3 / 4), round(width / aspect))
     wide = min(width, round(tall * aspect))
     focal = wide / 2 / np.tan(np.deg2rad(rng.choice([rng.uniform(40, 90), rng.normal(58, 3)])) / 2)
     focal = float(np.clip(focal, wide * 0.5, wide * 1.374))  # 90 to 40 degrees
     cx, cy = (wide - 1) / 2 + rng.normal(0, 0.01 * wide), (tall - 1) / 2 + rng.normal(0, 0.01 * wide)
-    camera = Camera(wide, tall, focal, focal * rng.normal(1, 0.003), float(cx), float(cy))
-    mounting = mounting or str(rng.choice(list(MOUNTINGS), p=list(MOUNTINGS.values())))
+    return Camera(wide, tall, focal, focal * rng.normal(1, 0.003), float(cx), float(cy))
+
+
+def mount(rng: np.random.Generator, camera: Camera, mounting: str) -> View:
+    """Sample a camera's height, tilt and roll in one of `MOUNTINGS`, or on a ``robot`` or a ``shelf``."""
     if mounting == "ceiling":
         height, pitch, roll = rng.uniform(2.1, 4.0), rng.uniform(40, 90), rng.uniform(-180, 180)
         if rng.random() < 0.6:  # the image's lower side is the nearer
@@ -186,6 +172,10 @@ def sample_view(rng: np.random.Generator, width: int, mounting: str | None = Non
     height = rng.uniform(0.4, 3.0) if rng.random() < 0.4 else float(np.clip(rng.normal(1.3, 0.4), 0.4, 3.0))
     if mounting == "low":
         height = rng.uniform(0.3, 0.6)
+    elif mounting == "robot":
+        height = rng.uniform(0.3, 1.2)
+    elif mounting == "shelf":
+        height = rng.uniform(1.5, 2.4)
     # some cut off heads, some feet
     aim = rng.uniform(0.5, 1.4) if rng.random() < 0.85 else rng.uniform(-0.2, 2.0)
     pitch = np.rad2deg(np.arctan2(height - aim, rng.uniform(1.2, 5.0))) + rng.normal(0, 7)
@@ -193,134 +183,6 @@ def sample_view(rng: np.random.Generator, width: int, mounting: str | None = Non
     if mounting == "rolled":
         roll += float(rng.choice([90.0, -90.0, 180.0, rng.uniform(-180, 180)]))
     return look(camera, height, float(np.deg2rad(np.clip(pitch, -30, 60))), float(np.deg2rad(roll)))
-
-
-_Spot = tuple[float, float, float]
-"""x and z of a place on the floor, and a turn about the vertical, radians."""
-
-
-def _people(rng: np.random.Generator, count: int, view: View, room: Room) -> list[Placed]:
-    """Place people within the camera's view, without intersections."""
-    persons: list[Placed] = []
-    seats: list[_Spot] = []
-    for _ in range(count):
-        figure = sample_figure(rng)
-        sits = figure.posture == "sit" and figure.seat_height > 0
-        for _ in range(_TRIES):
-            at_table = bool(sits and seats and rng.random() < _AT_TABLE_SHARE)
-            settled = settle(figure, rng, "chair" if at_table else None)
-            spot = seats.pop() if at_table else _spot(rng, view, persons)
-            person = place(settled.figure, *spot, rng)
-            if not _fits(person, view, room, persons):
-                continue
-            if not room.studio and not _put_things(settled, spot, room, at_table):
-                continue
-            persons.append(person)
-            seats += [] if at_table else _seats(settled, spot)
-            child = child_in_arms(figure, rng)
-            if child is not None and len(persons) < count:
-                persons.append(place(child, *spot, rng))
-            break
-        if len(persons) == count:
-            break
-    return persons
-
-
-def _put_things(settled: Settled, spot: _Spot, room: Room, at_table: bool) -> bool:
-    """Place what a person rests on, except a second table; return whether they rest on it."""
-    things = settled.things[:1] if at_table else settled.things
-    # a table may have no space, a seat must
-    stand = [room.put(thing, *spot, crowded=0.0) for thing in things]
-    return not stand or stand[0]
-
-
-def _seats(settled: Settled, spot: _Spot) -> list[_Spot]:
-    """Return the other places at the table where somebody sits."""
-    if settled.table <= 0:
-        return []
-    x, z, turn = spot
-    c, s = np.cos(turn), np.sin(turn)
-    across = 2 * settled.table
-    return [
-        (float(x + c * a + s * b), float(z + c * b - s * a), float(turn + t))
-        for a, b, t in ((-0.7, 0.0, 0.0), (0.7, across, np.pi), (0.7, 0.0, 0.0), (0.0, across, np.pi))
-    ]
-
-
-def _spot(rng: np.random.Generator, view: View, persons: Sequence[Placed]) -> _Spot:
-    """Draw a spot on the floor: anywhere in view, beside somebody, or behind somebody."""
-    turn = np.pi + rng.normal(0, 0.8) if rng.random() < 0.45 else rng.uniform(0, 2 * np.pi)
-    if persons and rng.random() < 0.5:
-        other = persons[int(rng.integers(len(persons)))].joints[JOINT_INDEX["pelvis"]]
-        if rng.random() < 0.6 or view.overhead:
-            angle, away = rng.uniform(0, 2 * np.pi), rng.uniform(0.3, 0.9)
-            return float(other[0] + away * np.cos(angle)), float(other[2] + away * np.sin(angle)), turn
-        farther = 1 + rng.uniform(0.4, 1.5) / max(float(np.hypot(other[0], other[2])), 0.3)
-        return float(farther * other[0] + rng.normal(0, 0.15)), float(farther * other[2]), turn
-    near = rng.random() < _NEAR_SHARE
-    away = rng.uniform(_NEAR_M, _MIDDLE_M) if near else rng.uniform(_MIDDLE_M, _FAR_M)
-    return *view.floor_spot(rng, away), turn
-
-
-def _fits(person: Placed, view: View, room: Room, others: Sequence[Placed]) -> bool:
-    low, high = person.vertices.min(axis=0), person.vertices.max(axis=0)
-    if view.overhead:
-        if high[1] > view.position[1] - _CLEAR_ABOVE_M:
-            return False
-    elif low[2] < 0.25:
-        return False
-    if high[1] > room.walls.height:
-        return False
-    if any(room.walls.inward(x, z) < 0.02 for x in (low[0], high[0]) for z in (low[2], high[2])):
-        return False
-    if any(_inside_one_another(person, other) for other in others):
-        return False
-    pixels = view.project(view.to_optical(person.joints))
-    size = np.array([view.camera.width, view.camera.height])
-    return int(np.sum(np.all((pixels > 0) & (pixels < size), axis=1))) >= 3
-
-
-def _inside_one_another(one: Placed, other: Placed) -> bool:
-    """Whether trunks intersect; limbs may touch and intersect slightly."""
-    trunk = [JOINT_INDEX[name] for name in ("pelvis", "chest", "head", "left_knee", "right_knee")]
-    apart = np.linalg.norm(one.joints[trunk][:, None] - other.joints[trunk][None], axis=-1)
-    return float(apart.min()) < 0.28
-
-
-def place(figure: Figure, x: float, z: float, turn: float, rng: np.random.Generator) -> Placed:
-    """Stand a figure on a spot of the floor, turned about the vertical, in clothes of random albedo."""
-    c, s = np.cos(turn), np.sin(turn)
-    turned = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-    moved = [
-        points.astype(np.float64).reshape(-1, 3) @ turned.T + np.array([x, 0.0, z])
-        for points in (figure.vertices, figure.joints, figure.heels, figure.held_vertices)
-    ]
-    return Placed(
-        vertices=moved[0],
-        faces=figure.faces.astype(np.int64),
-        joints=moved[1],
-        heels=moved[2],
-        held_vertices=moved[3],
-        held_faces=figure.held_faces.astype(np.int64).reshape(-1, 3),
-        albedo=_person_albedo(figure, rng),
-        held_albedo=random_albedo(rng, 0.3),
-    )
-
-
-def _person_albedo(figure: Figure, rng: np.random.Generator) -> NDArray[np.float32]:
-    """Albedo of each triangle: skin, hair, shirt or trousers, by its place on the body."""
-    shirt, trousers, hair = random_albedo(rng, 0.12), random_albedo(rng, 0.15), random_albedo(rng, 0.3)
-    middles = figure.vertices[figure.faces[:, 0]]
-    joints = figure.joints
-    neck, head, pelvis = (joints[JOINT_INDEX[n]] for n in ("neck", "head", "pelvis"))
-    trunk = (neck - pelvis) / max(float(np.linalg.norm(neck - pelvis)), 1e-6)
-    along = (middles - pelvis) @ trunk
-    albedo = np.where(along > 0.03, shirt, trousers)
-    off = middles - head
-    on_head = np.einsum("ij,ij->i", off, off) < (1.3 * np.linalg.norm(head - neck) + 0.06) ** 2
-    skull = (head - neck) / max(float(np.linalg.norm(head - neck)), 1e-6)
-    above = off @ skull > 0.02
-    return np.where(on_head, np.where(above, hair, 0.6), albedo).astype(np.float32)
 
 
 def render(
@@ -363,8 +225,10 @@ def render(
     joints = np.array([view.to_optical(p.joints) for p in persons]).reshape(-1, 19, 3)
     areas = [silhouette_area(o, p.faces, view.camera) for o, p in zip(optical, persons, strict=True)]
     shown = np.bincount(own.ravel(), minlength=len(persons) + 1)[1:]
+    depth = measure(Shown(drawn.depth, drawn.cosine, albedo, view.camera.fx), sensor, rng, steady_seed)
+    returned = np.bincount(own[depth > 0], minlength=len(persons) + 1)[1:]
     return Scene(
-        depth=measure(Shown(drawn.depth, drawn.cosine, albedo, view.camera.fx), sensor, rng, steady_seed),
+        depth=depth,
         clean=drawn.depth,
         person=own,
         kind=shows,
@@ -375,6 +239,8 @@ def render(
         up=view.rotation[:, 1].astype(np.float32),
         height=float(view.position[1]),
         sensor=sensor.family,
+        returned=(returned / np.maximum(shown, 1)).astype(np.float32),
+        fabrics=tuple(p.fabrics for p in persons),
     )
 
 

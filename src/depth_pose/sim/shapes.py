@@ -188,6 +188,18 @@ class Assembly:
         turned = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
         self.sheets += [(p @ turned.T + np.array([x, y, z]), *rest) for p, *rest in other.sheets]
 
+    def repaint(self, albedo: float) -> None:
+        """Give another reflectance to the shapes of its default one; those of their own keep theirs."""
+
+        def painted(row: tuple[float, ...]) -> tuple[float, ...]:
+            return (*row[:-1], albedo) if row[-1] == self._albedo else row
+
+        self.boxes = [painted(row) for row in self.boxes]
+        self.rounds = [painted(row) for row in self.rounds]
+        self.lumps = [painted(row) for row in self.lumps]
+        self.sheets = [(*s[:3], albedo) if s[3] == self._albedo else s for s in self.sheets]
+        self._albedo = albedo
+
     def bounds(self) -> tuple[Array, Array]:
         """Approximate least and greatest x, y, z of the shapes: rotations and tilts are ignored."""
         low, high = [np.zeros((0, 3))], [np.zeros((0, 3))]

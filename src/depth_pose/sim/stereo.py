@@ -2,9 +2,10 @@
 
 Errors are in disparity, focal length times baseline by depth, so those of depth grow with its square. A
 window is matched as one: its error is the same for neighbours (smooth bumps), near objects grow over their
-edges (foreground fattening), and objects thinner than the window may vanish. Pixels seen by only one camera,
-at the left of near objects, are lost, and so are those with too little texture. Then drivers smooth (across
-steps below a limit), fill holes, and resample to a colour camera.
+edges (foreground fattening), and objects thinner than the window may vanish. Along rows edges are displaced
+to either side (streaks), and weak surfaces are matched with others on the row, nearer or farther. Pixels
+seen by only one camera, at the left of near objects, are lost, and so are those with too little texture. Then
+drivers smooth (across steps below a limit), fill holes, and resample to a colour camera.
 
 D. Scharstein and R. Szeliski, *A taxonomy and evaluation of dense two-frame stereo correspondence
 algorithms*, IJCV 47, 2002; L. Keselman et al., *Intel RealSense stereoscopic depth cameras*, CVPR workshops
@@ -20,14 +21,18 @@ from numpy.typing import NDArray
 from scipy.ndimage import grey_opening, maximum_filter, minimum_filter, uniform_filter
 
 from depth_pose.core.options import Checked, option
-from depth_pose.sim._scene_kernels import cast_shadow
+from depth_pose.sim._scene_kernels import cast_shadow, look_aside
 from depth_pose.sim._stereo_kernels import fill_holes, smooth_rows
-from depth_pose.sim.fields import smooth_field
+from depth_pose.sim.fields import smooth_field, streaky_field
 
 Image = NDArray[np.float32]
 
 _WEAK_LEAST, _WEAK_GAIN = 3.5, 2.5
 """Weakness of a surface (a unit field, and up to 2 for dark ones) above which it is lost. Set by eye."""
+_WRONG_LEAST = 4.0
+"""The same above which it is matched wrongly. Set by eye."""
+_NEARER = np.float32(0.4)
+"""Mean of wrong matches' disparity, deviations: two thirds are nearer than the truth."""
 _LOGISTIC = 1.702
 """A normal distribution's quantile is about the logit divided by this."""
 
@@ -64,6 +69,18 @@ class StereoConfig(Checked):
     fill: int = option(
         0, "Holes: 0 left, 1 filled from the left, 2 from the farther side, 3 from the nearer", low=0, high=3
     )
+    rim: float = option(
+        0.0, "Standard deviation of the edges' displacement along rows", unit="pixels", low=0.0, high=20.0
+    )
+    mismatch: float = option(
+        0.0, "Share of weak surfaces that are matched wrongly, too near or too far", low=0.0, high=1.0
+    )
+    jump: float = option(
+        4.0, "Standard deviation of disparity where matched wrongly", unit="pixels", low=0.0, high=100.0
+    )
+    margin: int = option(
+        0, "Columns that the second camera does not show: 0 matched all the same, 1 lost", low=0, high=1
+    )
     colour_offset: float = option(
         0.0,
         "Depth is aligned to a colour camera this far to the right; 0 for none",
@@ -82,6 +99,8 @@ class StereoConfig(Checked):
             flat=self.flat * factor,
             step=self.step * factor,
             smooth_step=self.smooth_step * factor,
+            rim=self.rim * factor,
+            jump=self.jump * factor,
         )
 
 
@@ -113,9 +132,15 @@ def measure_stereo(
     ideal = np.divide(reach, depth, out=np.zeros(shape, np.float32), where=depth > 0)
     matched, edge = _match(ideal, config, rng)
     lost = shadow
+    if config.margin:
+        lost |= np.arange(shape[1]) < ideal
+    if config.rim > 0:
+        matched = _displace_edges(matched, edge, config, rng)
     if config.lost > 0:
         weak = smooth_field(rng, shape, config.blob) + 2.0 * (1.0 - np.minimum(light, 1.0))
         lost |= weak > _WEAK_LEAST - _WEAK_GAIN * config.lost
+    if config.mismatch > 0:
+        matched = _match_wrongly(matched, light, config, rng)
     if config.edge_loss > 0:
         lost |= edge & (smooth_field(rng, shape, 4.0) > _threshold(config.edge_loss))
     error = config.error * (1.0 - config.temporal) / np.clip(light, 0.3, 1.0)
@@ -143,6 +168,27 @@ def _match(ideal: Image, config: StereoConfig, rng: np.random.Generator) -> tupl
     flat = (high - low < config.flat) & (low > 0)
     matched = np.where(flat, uniform_filter(matched, config.window), matched)
     return matched.astype(np.float32), (high - low) > config.flat
+
+
+def _displace_edges(
+    matched: Image, edge: NDArray[np.bool_], config: StereoConfig, rng: np.random.Generator
+) -> Image:
+    """Displace edges along rows by streaks: near surfaces grow or shrink, a few rows at once."""
+    long = max(2.0, 1.5 * config.rim)
+    around = maximum_filter(edge, (1, 2 * int(2 * config.rim) + 1))
+    across = np.float32(config.rim) * streaky_field(rng, matched.shape, 1.5, long)
+    out = np.empty_like(matched)
+    look_aside(matched, np.zeros_like(across), np.where(around, across, np.float32(0.0)), out)
+    return out
+
+
+def _match_wrongly(matched: Image, light: Image, config: StereoConfig, rng: np.random.Generator) -> Image:
+    """Match weak surfaces with another place on the row: patches longer than high, nearer or farther."""
+    shape, high = matched.shape, max(1.5, 0.4 * config.window)
+    weak = streaky_field(rng, shape, high, 2.5 * high) + 2.0 * (1.0 - np.minimum(light, 1.0))
+    wrong = (weak > _WRONG_LEAST - _WEAK_GAIN * config.mismatch) & (matched > 0)
+    off = np.float32(config.jump) * (streaky_field(rng, shape, high, 2.0 * high) + _NEARER)
+    return np.where(wrong, np.maximum(matched + off, np.float32(0.05)), matched)
 
 
 def _filter(disparity: Image, reach: float, config: StereoConfig, rng: np.random.Generator) -> Image:
