@@ -127,7 +127,7 @@ def test_who_is_outside_the_zone_gets_no_points_of_their_own(person):
     extractor = PeopleExtractor(SegmentConfig(zone=":1"), DenoiseConfig())
     assert found.body_id == "body_1"
     assert extractor.extract(frame).persons == ()
-    assert extractor.passed_over == {
+    assert extractor.rejected_counts == {
         "outside the zone": 1,
         "beyond the most": 0,
         "too near or too far": 0,
@@ -141,7 +141,7 @@ def test_who_is_too_far_is_counted(person):
     extractor = PeopleExtractor(SegmentConfig(far=1.5), DenoiseConfig())
     assert extractor.extract(frame).persons == ()
     assert extractor.extract(replace(frame, stamp_ns=frame.stamp_ns + syn.STEP_NS)).persons == ()
-    assert extractor.passed_over["too near or too far"] == 2
+    assert extractor.rejected_counts["too near or too far"] == 2
 
 
 def test_warm_up_and_reset_change_nothing(person):
@@ -168,5 +168,5 @@ def test_who_shows_too_little_takes_nobody_s_place(person):
     extractor.segmenter.segment = lambda _: replace(seen, labels=labels, detections=(detection, arm))
     people = extractor.extract(frame)
     assert [p.found.label for p in people.persons] == [detection.label]
-    assert extractor.passed_over["too few points"] == 1
-    assert extractor.passed_over["beyond the most"] == 0
+    assert extractor.rejected_counts["too few points"] == 1
+    assert extractor.rejected_counts["beyond the most"] == 0

@@ -15,7 +15,7 @@ DAMAGED = 3
 LENIENT_HELP = "Damaged recordings are read as far as possible; do not exit with an error for them."
 
 
-class _Watch(logging.Handler):
+class _DamageLog(logging.Handler):
     """Printer of damage, each line once, that records whether there was any."""
 
     def __init__(self) -> None:
@@ -30,12 +30,12 @@ class _Watch(logging.Handler):
             warn([line])
 
 
-_watch = _Watch()
+_damage_log = _DamageLog()
 
 
 def be_lenient(wanted: bool) -> None:
     """Accept damage if ``--lenient`` was given."""
-    _watch.lenient = _watch.lenient or wanted
+    _damage_log.lenient = _damage_log.lenient or wanted
 
 
 def warn_of(lines: Iterable[str], damage: Iterable[str]) -> None:
@@ -48,16 +48,16 @@ def warn_of(lines: Iterable[str], damage: Iterable[str]) -> None:
 @contextmanager
 def exit_on_damage() -> Iterator[None]:
     """Exit with `DAMAGED` when the command inside succeeds on a damaged file."""
-    _watch.lines.clear()
-    _watch.lenient = False
-    DAMAGE_LOG.addHandler(_watch)
+    _damage_log.lines.clear()
+    _damage_log.lenient = False
+    DAMAGE_LOG.addHandler(_damage_log)
     DAMAGE_LOG.propagate = False
     try:
         yield
     except SystemExit as end:
-        if end.code or not _watch.lines or _watch.lenient:
+        if end.code or not _damage_log.lines or _damage_log.lenient:
             raise
-        count = len(_watch.lines)
+        count = len(_damage_log.lines)
         what = "a recording is" if count == 1 else f"{count} recordings are"
         errors.print(
             f"[bold red]error:[/bold red] {what} damaged; what could be read was used (--lenient accepts it)",
@@ -66,5 +66,5 @@ def exit_on_damage() -> Iterator[None]:
         )
         raise SystemExit(DAMAGED) from None
     finally:
-        DAMAGE_LOG.removeHandler(_watch)
+        DAMAGE_LOG.removeHandler(_damage_log)
         DAMAGE_LOG.propagate = True

@@ -51,7 +51,7 @@ class PeopleExtractor:
     choice : PeopleChoice
     floor_finder : FloorFinder
         Searches every second, and holds the floor.
-    passed_over : Counter of str
+    rejected_counts : Counter of str
         Number of detections not used, over all frames: ``too near or too far``, ``not sure enough``,
         ``too few points``, and the exclusions by `PeopleChoice`.
     """
@@ -73,7 +73,7 @@ class PeopleExtractor:
         self.floor_finder = FloorFinder(segment, up_direction(mount))
         self._searched_ns: int | None = None
         self._guard = StampGuard()
-        self.passed_over: Counter[str] = Counter()
+        self.rejected_counts: Counter[str] = Counter()
 
     def reset(self) -> None:
         """Forget all tracks."""
@@ -87,7 +87,7 @@ class PeopleExtractor:
         """Forget all tracks and ids, as if new."""
         self.reset()
         self._tracks.restart()
-        self.passed_over.clear()
+        self.rejected_counts.clear()
 
     def warm_up(self) -> None:
         """Compile every kernel."""
@@ -116,10 +116,10 @@ class PeopleExtractor:
             for s, name in zip(seen.detections, names, strict=True)
         ]
         chosen = self.choice.choose(shown, [s.place for s in seen.detections])
-        self.passed_over["too near or too far"] += seen.out_of_range
-        self.passed_over["not sure enough"] += names.count(None)
-        self.passed_over["too few points"] += shown.count(None) - names.count(None)
-        self.passed_over.update(self.choice.left_out)
+        self.rejected_counts["too near or too far"] += seen.out_of_range
+        self.rejected_counts["not sure enough"] += names.count(None)
+        self.rejected_counts["too few points"] += shown.count(None) - names.count(None)
+        self.rejected_counts.update(self.choice.left_out)
         found = [
             self._found(s, name) for s, name in zip(seen.detections, chosen, strict=True) if name is not None
         ]

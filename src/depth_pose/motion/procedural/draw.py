@@ -183,7 +183,7 @@ def keyed(phase: Array, table: Sequence[tuple[float, dict[str, float]]]) -> Arra
     return result
 
 
-def blank(shape: tuple[int, ...]) -> Array:
+def zero_angles(shape: tuple[int, ...]) -> Array:
     """Angles of the anatomical zero posture, (..., 47)."""
     return np.zeros((*shape, N_ANGLES))
 
@@ -192,7 +192,7 @@ def assemble(
     t: Array, trunk: Array | None = None, arms: Array | None = None, legs: Array | None = None
 ) -> Array:
     """Combine trunk (..., 15), two arms (..., 18) and two legs (..., 14), (T, 47)."""
-    out = blank(t.shape)
+    out = zero_angles(t.shape)
     if trunk is not None:
         out[..., TRUNK] = trunk
     if arms is not None:

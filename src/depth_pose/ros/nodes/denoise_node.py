@@ -25,7 +25,7 @@ from depth_pose.io.depth_unit import UnitWatch, unit_of
 from depth_pose.ros.messages import people
 from depth_pose.ros.messages.basics import first_stamp_ns, stamp_to_ns
 from depth_pose.ros.messages.frames import image_to_frame, msg_to_frame
-from depth_pose.ros.nodes.node_base import Held, Input, StageNode
+from depth_pose.ros.nodes.node_base import Deferred, Input, StageNode
 from depth_pose.ros.nodes.parameters import DENOISE
 from depth_pose.ros.nodes.room_outputs import RoomOutputs
 from depth_pose.ros.process.runner import run_node
@@ -111,7 +111,7 @@ class DenoiseNode(StageNode):
         if self._in_flight.has_waiting:
             self.drop("overtaken", "a newer frame came before this one was begun")
         if not self._in_flight.offer(message, time.monotonic()):
-            raise Held
+            raise Deferred
         frame = self._frame(message)
         upright = rotate_upright(frame, self.config.mount)
         self._room.take_level(frame, self.stage.floor_finder)
@@ -120,14 +120,14 @@ class DenoiseNode(StageNode):
         self._points.publish(points)
         self._people.publish(names)
         self._in_flight.begin(found.stamp_ns, time.monotonic())
-        self._room.tell(frame, found, self.stage.floor_finder)
+        self._room.publish(frame, found, self.stage.floor_finder)
         self._mounting.look(upright, found)
         self._say()
         self.statistics.values["people"] = len(names.people)
         self.statistics.values["people cut off or half hidden"] = sum(
             p.is_cut_below or p.is_cut_beside for p in found.persons
         )
-        for reason, count in self.stage.passed_over.items():
+        for reason, count in self.stage.rejected_counts.items():
             self.statistics.values[f"ignored: {reason}"] = count
 
     def _frame(self, message: Any) -> DepthFrame:
@@ -135,7 +135,7 @@ class DenoiseNode(StageNode):
 
         Raises
         ------
-        Held
+        Deferred
             Where its camera is not known yet.
         """
         if isinstance(message, PointCloud2):
@@ -144,7 +144,7 @@ class DenoiseNode(StageNode):
             info = self._find_info(message.header.frame_id)
             if info is None:
                 self._hold(message)
-                raise Held
+                raise Deferred
             frame = image_to_frame(message, info, self._rectified, self._unit_m)
             is_plain = isinstance(message, Image)
             unit_m = unit_of(message.encoding if is_plain else message.format.partition(";")[0].strip())

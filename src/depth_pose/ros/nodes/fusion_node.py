@@ -30,7 +30,7 @@ from depth_pose.ros.messages.basics import stamp_to_ns
 from depth_pose.ros.messages.checks import check_people
 from depth_pose.ros.messages.skeletons import msg_to_skeleton, skeletons_to_msg
 from depth_pose.ros.nodes.bank_node import BankNode
-from depth_pose.ros.nodes.node_base import Held, Input
+from depth_pose.ros.nodes.node_base import Deferred, Input
 from depth_pose.ros.nodes.rep155_outputs import Rep155Outputs
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.setting import Setting
@@ -149,7 +149,7 @@ class FusionNode(BankNode):
             if camera == self._pace
         ]
         if not stamps or not self._is_new(max(stamps)):
-            raise Held
+            raise Deferred
         self._answered_ns = max(stamps)
         self._publish(self.stage.skeletons_at(self._answered_ns), self._answered_ns)
 
@@ -172,9 +172,9 @@ class FusionNode(BankNode):
             self._markers.publish(skeletons_to_markers(skeletons, stamp_ns, frame_id))
         if self._transforms is not None and self._transforms.is_heard:
             nobody = Skeleton.lost(stamp_ns, frame_id)
-            self._transforms.tell(skeletons_to_transforms(skeletons, nobody, self.value("tf_prefix")))
+            self._transforms.publish(skeletons_to_transforms(skeletons, nobody, self.value("tf_prefix")))
         if self._rep155 is not None:
-            self._rep155.tell(skeletons, stamp_ns, frame_id)
+            self._rep155.publish(skeletons, stamp_ns, frame_id)
         self.statistics.values["people"] = len(skeletons)
 
     # Watching
@@ -190,7 +190,7 @@ class FusionNode(BankNode):
         if waits:
             what = f"nothing has come yet on {', '.join(waits)}: do their suites run, in this ROS_DOMAIN_ID?"
             self.get_logger().warning(what, throttle_duration_sec=_REMIND_S, skip_first=True)
-        self._poses.tell(self.get_clock().now().nanoseconds)
+        self._poses.publish(self.get_clock().now().nanoseconds)
 
     def _say_news(self) -> None:
         for line in self.stage.watch.news():

@@ -12,7 +12,7 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from depth_pose.core.printable import printable
 from depth_pose.ros.transport.depth_sources import depth_sources
 from depth_pose.ros.transport.intake import Input
-from depth_pose.ros.transport.losses import cure
+from depth_pose.ros.transport.losses import packet_loss_advice
 
 MISSING_AFTER_S = 1.9
 """Seconds after which a topic with publishers but without any message counts as missing.
@@ -61,7 +61,7 @@ class PublisherWatch:
 class _Watched:
     type_name: str
     published: float | None = None
-    heard: float | None = None
+    last_s: float | None = None
     period: float = 0.0
     warned: float = -1e9
 
@@ -81,14 +81,14 @@ class MissingInputWatch:
         self._started = time.monotonic()
         self._watched = {i.topic: _Watched(_type_name(i.kind)) for i in inputs if i.sensor}
 
-    def heard(self, topic: str) -> None:
+    def on_message(self, topic: str) -> None:
         """Record a message."""
         watched = self._watched.get(topic)
         if watched is not None:
             now = time.monotonic()
-            if watched.heard is not None:
-                watched.period = now - watched.heard
-            watched.heard = now
+            if watched.last_s is not None:
+                watched.period = now - watched.last_s
+            watched.last_s = now
 
     def check(self) -> None:
         """Warn about every missing topic; called twice a second, it does so within three seconds."""
@@ -96,14 +96,14 @@ class MissingInputWatch:
         self.missing = []
         for topic, watched in self._watched.items():
             patience = MISSING_AFTER_S
-            if watched.heard is not None:
+            if watched.last_s is not None:
                 patience = max(PAUSED_AFTER_S, 3.0 * watched.period)
-                if now - watched.heard < patience:
+                if now - watched.last_s < patience:
                     continue
             found = self._node.get_publishers_info_by_topic(topic)
             if bool(found) != (watched.published is not None):  # publishers appeared or left
                 watched.published = now if found else None
-            since = max(watched.published or self._started, watched.heard or self._started)
+            since = max(watched.published or self._started, watched.last_s or self._started)
             if now - since < patience:
                 continue
             self.missing.append(topic)
@@ -131,7 +131,7 @@ class MissingInputWatch:
         return start + (
             "it is published once and kept; a depth topic must stream"
             if durable
-            else f"the sensor may be paused, or its frames are lost in transport: {cure()}"
+            else f"the sensor may be paused, or its frames are lost in transport: {packet_loss_advice()}"
         )
 
 

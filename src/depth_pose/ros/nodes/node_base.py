@@ -32,15 +32,15 @@ from depth_pose.ros.nodes.topic_node import TopicNode
 from depth_pose.ros.process import READY
 from depth_pose.ros.setting import Setting
 from depth_pose.ros.transport.intake import (
+    Deferred,
     Drop,
     FrameSource,
-    Held,
     Input,
     Intake,
 )
 from depth_pose.ros.transport.losses import BusyTimes
 
-__all__ = ["Drop", "Held", "Input", "Stage", "StageNode"]
+__all__ = ["Deferred", "Drop", "Input", "Stage", "StageNode"]
 
 SETTLE_S = 0.2
 """Seconds for which the connections must exist before a node reports that it is ready.
@@ -125,7 +125,7 @@ class StageNode(TopicNode, ABC):
         ------
         InputError, BankError, Drop
             Where this frame has no answer.
-        Held
+        Deferred
             Where it is kept; the subclass calls `process` with it later.
         """
 
@@ -233,17 +233,17 @@ class StageNode(TopicNode, ABC):
         if whole is not None:
             self.process(whole)
 
-    def heard(self, topic: str) -> None:
+    def on_message(self, topic: str) -> None:
         """Record the arrival of a message."""
         if self._watches is not None:
-            self._watches[1].heard(topic)
+            self._watches[1].on_message(topic)
 
     def process(self, messages: tuple[Any, ...]) -> None:
         """Process a complete frame, or count the reason why not; no error ends the node."""
         started, began_ns = time.perf_counter(), time.time_ns()
         try:
             self.answer(*messages)
-        except Held:
+        except Deferred:
             return
         except Drop as e:
             self.drop(e.reason, str(e))

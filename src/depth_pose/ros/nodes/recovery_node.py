@@ -81,9 +81,9 @@ class RecoveryNode(BankNode):
         if self._markers.get_subscription_count():
             self._markers.publish(skeletons_to_markers(skeletons, people.stamp_ns, frame_id))
         if self._transforms is not None and self._transforms.is_heard:
-            self._transforms.tell(skeletons_to_transforms(skeletons, followed, self.value("tf_prefix")))
+            self._transforms.publish(skeletons_to_transforms(skeletons, followed, self.value("tf_prefix")))
         if self._rep155 is not None:
-            self._rep155.tell(skeletons, people.stamp_ns, frame_id, upright, people.camera)
+            self._rep155.publish(skeletons, people.stamp_ns, frame_id, upright, people.camera)
         self._note(followed, len(skeletons))
 
     def _note(self, followed: SkeletonData, people: int) -> None:

@@ -81,7 +81,7 @@ class Rep155Outputs:
         self._transforms = Transforms(node, "the parameter rep155")
         self._bodies: dict[str, _BodyTopics] = {}
 
-    def tell(
+    def publish(
         self,
         skeletons: Sequence[Skeleton],
         stamp_ns: int,
@@ -123,7 +123,7 @@ class Rep155Outputs:
         ids = [b for b, t in self._bodies.items() if stamp_ns - t.seen_ns <= TRACKED_NS]
         self._tracked.publish(self._ids(header=header, ids=ids))
         if frames:
-            self._transforms.tell(frames)
+            self._transforms.publish(frames)
 
     def _topics(self, body_id: str, skeleton: Skeleton) -> _BodyTopics:
         """Open a person's topics, and publish their build when it has changed."""

@@ -58,9 +58,9 @@ class RoomOutputs:
     def _take_settings(self) -> None:
         self._config = self._node.config
         self._mount: MountConfig = self._config.mount
-        self._told: Floor | None = None
+        self._published_floor: Floor | None = None
 
-    def tell(self, frame: DepthFrame, people: FramePeople, finder: FloorFinder) -> None:
+    def publish(self, frame: DepthFrame, people: FramePeople, finder: FloorFinder) -> None:
         """Publish the enabled outputs of one frame.
 
         Parameters
@@ -76,8 +76,8 @@ class RoomOutputs:
             self._take_settings()
         if self._labels.get_subscription_count():
             self._labels.publish(labels_to_msg(draw_labels(people, frame, self._mount), frame))
-        if finder.floor is not None and finder.floor is not self._told:
-            self._told = finder.floor
+        if finder.floor is not None and finder.floor is not self._published_floor:
+            self._published_floor = finder.floor
             self._tell_floor(frame, finder.floor)
         if (frame.frame_id, self._mount.roll) != self._upright:
             self._tell_upright(frame)
@@ -100,7 +100,7 @@ class RoomOutputs:
         self._floor.publish(PoseStamped(header=header, pose=pose_of(T_sensor_floor)))
         if self._statics is not None and self._tf:
             name = self._prefix + FLOOR
-            self._statics.tell([stamped(frame.stamp_ns, frame.frame_id, name, T_sensor_floor)])
+            self._statics.publish([stamped(frame.stamp_ns, frame.frame_id, name, T_sensor_floor)])
 
     def _tell_upright(self, frame: DepthFrame) -> None:
         """Publish the transform of the upright frame, if it is not the sensor's own."""
@@ -111,7 +111,7 @@ class RoomOutputs:
             self._statics = Transforms(self._node, "the upright frame", static=True)
         T = np.eye(4)
         T[:3, :3] = rotation_sensor_upright(self._mount.roll)
-        self._statics.tell([stamped(frame.stamp_ns, frame.frame_id, frame.frame_id + UPRIGHT, T)])
+        self._statics.publish([stamped(frame.stamp_ns, frame.frame_id, frame.frame_id + UPRIGHT, T)])
 
 
 def labels_to_msg(labels: NDArray[np.uint8], frame: DepthFrame) -> Image:

@@ -53,8 +53,8 @@ class VolumeNode(StageNode):
 
     def __init__(self) -> None:
         self._source: RigSource | None = None
-        self._told_gone: list[int] = []
-        self._told_unit: set[str] = set()
+        self._reported_gone: list[int] = []
+        self._reported_unit: set[str] = set()
         super().__init__("volume")
 
     # Beginning
@@ -109,8 +109,8 @@ class VolumeNode(StageNode):
         except InputError as error:
             raise Drop("bad input", str(error)) from error
         for topic, line in self._decoder.doubts(live=True).items():
-            if topic not in self._told_unit:
-                self._told_unit.add(topic)
+            if topic not in self._reported_unit:
+                self._reported_unit.add(topic)
                 self.get_logger().warning(line)
         self._publish(self.stage.process_frame(views), views.stamp_ns)
 
@@ -164,8 +164,8 @@ class VolumeNode(StageNode):
             return level, words
         gone = self._gone()
         names = ", ".join(topics[c] for c in gone)
-        if gone != self._told_gone:
-            self._told_gone = gone
+        if gone != self._reported_gone:
+            self._reported_gone = gone
             if gone:
                 self.get_logger().warning(f"nothing from {names}; goes on without")
             else:

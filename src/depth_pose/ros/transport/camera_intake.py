@@ -9,8 +9,8 @@ from rclpy.subscription import Subscription
 
 from depth_pose.ros.transport.intake import (
     NO_EVENTS,
+    FrameConsumer,
     Input,
-    Taker,
     frame_qos,
     is_sent_reliable,
     waiting,
@@ -27,14 +27,14 @@ class CameraIntake:
 
     Parameters
     ----------
-    node : Taker
+    node : FrameConsumer
     kind : type
         Message class.
     topics : sequence of str
         One for each camera.
     """
 
-    def __init__(self, node: Taker, kind: type, topics: Sequence[str]) -> None:
+    def __init__(self, node: FrameConsumer, kind: type, topics: Sequence[str]) -> None:
         self.inputs = tuple(Input(kind, node.resolve_topic_name(t)) for t in topics)
         self.arrivals = 0
         self._node = node
@@ -94,7 +94,7 @@ class CameraIntake:
 
     def _add(self, camera: int, message: Any) -> None:
         self.arrivals += 1
-        self._node.heard(self.inputs[camera].topic)
+        self._node.on_message(self.inputs[camera].topic)
         if self._node.is_active:
             self._pending.append((camera, message))
         else:

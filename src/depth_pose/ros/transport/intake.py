@@ -13,7 +13,7 @@ from rclpy.subscription import Subscription
 
 from depth_pose.core.errors import DepthPoseError
 from depth_pose.ros.messages.basics import stamp_to_ns
-from depth_pose.ros.transport.losses import BusyTimes, count_lost, cure
+from depth_pose.ros.transport.losses import BusyTimes, count_lost, packet_loss_advice
 from depth_pose.ros.transport.pairing import Pairer
 
 PAIR_DEPTH = 64
@@ -54,7 +54,7 @@ class Input:
     sensor: bool = False
 
 
-class Taker(Protocol):
+class FrameConsumer(Protocol):
     """Interface of a node that processes frames: `depth_pose.ros.nodes.node_base.StageNode`.
 
     Attributes
@@ -83,7 +83,7 @@ class Taker(Protocol):
     get_publishers_info_by_topic: Callable[[str], list[Any]]
     get_logger: Callable[[], Any]
 
-    def heard(self, topic: str) -> None:
+    def on_message(self, topic: str) -> None:
         """Record the arrival of a message."""
 
     def count(self, what: str) -> None:
@@ -137,7 +137,7 @@ class Drop(DepthPoseError):
         self.reason = reason
 
 
-class Held(Exception):
+class Deferred(Exception):
     """Raised by `StageNode.answer` if a frame is kept and answered later."""
 
 
@@ -147,7 +147,7 @@ def frame_qos(depth: int, reliable: bool) -> QoSProfile:
     return QoSProfile(depth=depth, history=HistoryPolicy.KEEP_LAST, reliability=policy)
 
 
-def is_sent_reliable(node: Taker, topic: str) -> bool | None:
+def is_sent_reliable(node: FrameConsumer, topic: str) -> bool | None:
     """Whether all publishers of a topic are reliable; None without publishers."""
     found = node.get_publishers_info_by_topic(topic)
     return all(p.qos_profile.reliability == ReliabilityPolicy.RELIABLE for p in found) if found else None
@@ -176,7 +176,7 @@ class Intake:
         Number of messages received.
     """
 
-    def __init__(self, node: Taker, inputs: Sequence[Input]) -> None:
+    def __init__(self, node: FrameConsumer, inputs: Sequence[Input]) -> None:
         self._node = node
         self._lossless = node.lossless
         paired = len(inputs) > 1
@@ -263,7 +263,7 @@ class Intake:
 
     def _add(self, index: int, message: Any, info: dict[str, Any]) -> None:
         self.arrivals += 1
-        self._node.heard(self.inputs[index].topic)
+        self._node.on_message(self.inputs[index].topic)
         if not self._node.is_active:
             self._node.count("ignored while paused")
             return
@@ -302,7 +302,7 @@ class Intake:
         if busy:
             self._node.drop("missed", f"{topic} brought newer ones while this node was busy", busy)
         if lost:
-            what = f"{topic} sent it, and it never came though this node waited: {cure()}"
+            what = f"{topic} sent it, and it never came though this node waited: {packet_loss_advice()}"
             self._node.drop("lost in transport", what, lost)
 
     def _is_new(self, stamp_ns: int) -> bool:

@@ -18,7 +18,7 @@ _MOST_LOOKED_FOR = 1000
 """Maximum number of missing frames that are attributed, as after hours without a network."""
 
 
-def cure() -> str:
+def packet_loss_advice() -> str:
     """Return the advice against lost frames: on one machine, more shared memory for the driver."""
     return (
         f"start the sensor's driver with {PROFILE_VARIABLE}={os.environ[PROFILE_VARIABLE]}, for larger "

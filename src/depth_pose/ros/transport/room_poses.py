@@ -66,7 +66,7 @@ class RoomPoses:
             if self._given[camera] is None and self._tree.find(self._room, frame) is None
         ]
 
-    def tell(self, stamp_ns: int) -> None:
+    def publish(self, stamp_ns: int) -> None:
         """Publish the poses of the rig file that nobody else has published; called periodically."""
         for camera, (frame, since_s) in self._frames.items():
             T_room_camera = self._given[camera]
@@ -77,7 +77,7 @@ class RoomPoses:
                 continue
             T_room_root = T_room_camera @ np.linalg.inv(T_root_camera)
             self._tree.add(self._room, root, T_room_root)
-            self._statics.tell([stamped(stamp_ns, self._room, root, T_room_root)])
+            self._statics.publish([stamped(stamp_ns, self._room, root, T_room_root)])
 
     def _take_transforms(self, message: Any) -> None:
         for error in add_transforms(self._tree, message.transforms):

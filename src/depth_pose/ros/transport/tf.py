@@ -64,7 +64,7 @@ class Transforms:
 
     def __init__(self, node: StageNode, what: str, static: bool = False) -> None:
         self._message = tf_message(what)
-        self._told: dict[str, TransformStamped] = {}
+        self._sent: dict[str, TransformStamped] = {}
         self._static = static
         topic, qos = ("/tf_static", LATCHED) if static else ("/tf", TF_QUEUE)
         self._publisher = node.open_publisher(self._message, topic, qos)
@@ -74,13 +74,13 @@ class Transforms:
         """Whether there is a subscriber."""
         return bool(self._publisher.get_subscription_count())
 
-    def tell(self, transforms: Iterable[TransformStamped]) -> None:
+    def publish(self, transforms: Iterable[TransformStamped]) -> None:
         """Publish them in one message."""
-        told = list(transforms)
+        sent = list(transforms)
         if self._static:
-            self._told.update((t.child_frame_id, t) for t in told)
-            told = list(self._told.values())
-        self._publisher.publish(self._message(transforms=told))
+            self._sent.update((t.child_frame_id, t) for t in sent)
+            sent = list(self._sent.values())
+        self._publisher.publish(self._message(transforms=sent))
 
 
 def stamped(stamp_ns: int, parent: str, child: str, T_parent_child: NDArray[np.float64]) -> TransformStamped:

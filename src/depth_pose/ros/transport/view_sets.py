@@ -54,7 +54,7 @@ class ViewSetIntake:
         self.synchroniser = synchroniser
         self._node = node
         self._pending: ViewSet | None = None
-        self._told_late = -LOG_EVERY_S
+        self._reported_late = -LOG_EVERY_S
         self._numbers = [0] * len(topics)
         self._is_reliable = [node.lossless] * len(topics)
         self._subscriptions = [self._subscribe(camera) for camera in range(len(topics))]
@@ -141,7 +141,7 @@ class ViewSetIntake:
     def _add(self, camera: int, data: bytes, info: dict[str, Any]) -> None:
         self.arrivals += 1
         topic = self.inputs[camera].topic
-        self._node.heard(topic)
+        self._node.on_message(topic)
         number, last = info.get("publication_sequence_number") or 0, self._numbers[camera]
         self._numbers[camera] = number
         if last and number > last + 1:
@@ -156,8 +156,8 @@ class ViewSetIntake:
             return
         late = self.synchroniser.late[camera]
         self.synchroniser.add(camera, image.stamp_ns, image, time.monotonic())
-        if self.synchroniser.late[camera] > late and time.monotonic() > self._told_late + LOG_EVERY_S:
-            self._told_late = time.monotonic()
+        if self.synchroniser.late[camera] > late and time.monotonic() > self._reported_late + LOG_EVERY_S:
+            self._reported_late = time.monotonic()
             self._node.get_logger().warning(f"{topic} is late: its time was answered without it")
 
     def _check(self) -> None:
