@@ -29,23 +29,24 @@ def sample_home_sensor(rng: np.random.Generator, family: str | None = None) -> S
     return replace(
         sample_sensor(rng, "stereo"),
         family=name,
-        stereo=_sample_active(rng) if active else _sample_passive(rng),
+        stereo=_filtered(_sample_active(rng) if active else _sample_passive(rng), rng),
         native_focal=rng.uniform(350.0, 450.0) if active else rng.uniform(320.0, 520.0),
         texture=(rng.uniform(0.1, 0.5), 0.5) if active else (rng.uniform(-0.5, 0.3), rng.uniform(0.5, 0.9)),
         darkness=rng.uniform(0.0, 0.3) if active else rng.uniform(0.0, 0.2),
     )
 
 
-def _filters(rng: np.random.Generator) -> dict[str, float | int]:
+def _filtered(camera: StereoConfig, rng: np.random.Generator) -> StereoConfig:
     """Sample what a driver does to disparities."""
-    return {
-        "smoothing": float(rng.choice([0.0, rng.uniform(0.3, 0.9)], p=[0.4, 0.6])),
-        "smooth_step": float(np.exp(rng.uniform(np.log(0.3), np.log(3.0)))),
-        "temporal": rng.uniform(0.0, 0.6),
-        "fill": int(rng.choice(4, p=[0.5, 0.12, 0.25, 0.13])),
-        "colour_offset": float(rng.choice([0.0, rng.uniform(0.01, 0.06)], p=[0.6, 0.4])),
-        "margin": int(rng.random() < 0.5),
-    }
+    return replace(
+        camera,
+        smoothing=float(rng.choice([0.0, rng.uniform(0.3, 0.9)], p=[0.4, 0.6])),
+        smooth_step=float(np.exp(rng.uniform(np.log(0.3), np.log(3.0)))),
+        temporal=rng.uniform(0.0, 0.6),
+        fill=int(rng.choice(4, p=[0.5, 0.12, 0.25, 0.13])),
+        colour_offset=float(rng.choice([0.0, rng.uniform(0.01, 0.06)], p=[0.6, 0.4])),
+        margin=int(rng.random() < 0.5),
+    )
 
 
 def _sample_active(rng: np.random.Generator) -> StereoConfig:
@@ -62,7 +63,6 @@ def _sample_active(rng: np.random.Generator) -> StereoConfig:
         rim=rng.uniform(0.0, 3.0),
         mismatch=rng.uniform(0.0, 0.25),
         jump=rng.uniform(1.5, 6.0),
-        **_filters(rng),
     )
 
 
@@ -80,5 +80,4 @@ def _sample_passive(rng: np.random.Generator) -> StereoConfig:
         rim=rng.uniform(0.5, 5.0),
         mismatch=rng.uniform(0.1, 0.55),
         jump=rng.uniform(1.5, 7.0),
-        **_filters(rng),
     )

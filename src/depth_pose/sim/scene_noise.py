@@ -228,10 +228,10 @@ def measure(
     if sensor.flying:
         flies = edge & (rng.random(shape, dtype=np.float32) < sensor.flying)
         depth = np.where(flies, near + (far - near) * rng.random(shape, dtype=np.float32), depth)
-    unevenness = np.float32(sensor.patchiness)
+    uneven = sensor.patchiness * patches
     if sensor.blotches:
-        unevenness = np.where(albedo < _DARK, unevenness + np.float32(sensor.blotches), unevenness)
-    lost |= light < sensor.least_light * np.exp(unevenness * patches)
+        uneven += np.where(albedo < _DARK, np.float32(sensor.blotches), np.float32(0.0)) * patches
+    lost |= light < sensor.least_light * np.exp(uneven)
     lost |= edge & (patches > 1.0 - 2.5 * sensor.edge_loss) & ~((sensor.flying > 0) & (patches < 0))
     lost |= albedo > sensor.dazzle * np.maximum(depth, 0.01) ** 2
     noisy = _noisy(depth, light, sensor, rng)

@@ -47,7 +47,8 @@ def make_trolley(rng: np.random.Generator) -> Assembly:
 def make_tower(rng: np.random.Generator) -> Assembly:
     """Make a stack of boxes as high as a child or an adult."""
     thing = Assembly(Kind.BOX, random_albedo(rng))
-    _pile(thing, rng, 0.0, rng.uniform(0.7, 1.9), rng.uniform((0.25, 0.25), (0.6, 0.5)))
+    size = rng.uniform(0.25, 0.6), rng.uniform(0.25, 0.5)
+    _pile(thing, rng, 0.0, rng.uniform(0.7, 1.9), size)
     return thing
 
 
