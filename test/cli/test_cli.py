@@ -135,7 +135,7 @@ def test_defaults_are_those_of_the_configuration(call: Callable[..., Done]) -> N
         (["overlay", "{in}", "{in}", "-o", "out.png"], 1, "no skeletons on /depth_pose/skeleton"),
         (["simulate", "-o", "a.mcap", "--motion", "fly"], 2, "no motion 'fly'"),
         (["simulate", "-o", "a.mcap", "--sensor", "sonar"], 2, "no sensor 'sonar'"),
-        (["simulate", "-o", "a.mcap", "--people", "2"], 2, "--people goes with --room"),
+        (["simulate", "-o", "a.mcap", "--people", "2"], 2, "--people needs --room"),
         (["simulate", "-o", "a.mcap", "--room", "--stature", "1.5"], 2, "leave out --stature"),
         (["bank", "info", "none.npz"], 1, "none.npz"),
         (["bank", "build", "-o", "a.npz", "--body", "cube"], 2, "no body 'cube'"),

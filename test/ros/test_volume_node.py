@@ -358,7 +358,7 @@ def test_depth_cameras(start, peer, tmp_path):
     # one shows an empty room, then half of it, then only the other is there, then nobody is
     blind = live.renderer.depths([live.room])
     assert not live.show_scene(12, change=lambda c, depth: blind[c] if c else depth).is_lost
-    process.wait_for("/depth1/image_raw shows nobody while others do: it has no say")
+    process.wait_for("/depth1/image_raw shows nobody while others do: it is ignored")
     cut = live.show_scene(13, change=lambda c, depth: depth[:100] if c else depth)
     assert not cut.is_lost
     process.wait_for("dropped, bad image: /depth1/image_raw: the image of depth1 is 320 x 100")

@@ -153,7 +153,7 @@ def test_the_command_records_three_cameras(tmp_path: Path, call: Callable[..., D
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (("--cameras", "2"), "--cameras goes with --room"),
+        (("--cameras", "2"), "--cameras needs --room"),
         (("--room", "--clock-offset", "0.1"), "--clock-offset goes with --cameras 2 or more"),
         (("--room", "--cameras", "9"), "--cameras"),
     ],

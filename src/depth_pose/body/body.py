@@ -81,7 +81,7 @@ class Body:
 
     @cached_property
     def skin(self) -> Skin:
-        """The body as kernels take it, with weights that are 0 left out."""
+        """The body in the form of the kernels' argument, without zero weights."""
         from depth_pose.body._skin_kernels import Skin
 
         order = np.argsort(-self.weights, axis=1, kind="stable")[:, :INFLUENCES]
@@ -147,7 +147,7 @@ class Body:
         return body
 
     def content_hash(self) -> str:
-        """SHA-256 of the body's geometry, weights and nodes: the same wherever it is made the same."""
+        """SHA-256 of the body's geometry, weights and nodes; identical on every machine."""
         digest = hashlib.sha256()
         for array in (self.vertices, self.faces, self.weights, self.nodes):
             digest.update(str(array.shape).encode())
@@ -161,5 +161,5 @@ def keep_largest(weights: NDArray[np.float64]) -> NDArray[np.float64]:
     kept = weights.copy()
     np.put_along_axis(kept, order[:, INFLUENCES:], 0.0, axis=1)
     total = kept.sum(axis=1, keepdims=True)
-    # what sums to 1 already stays as it is, to the last bit
+    # rows that sum to 1 are unchanged, bit by bit
     return np.ascontiguousarray(kept / np.where(np.abs(total - 1.0) < 1e-12, 1.0, total))

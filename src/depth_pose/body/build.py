@@ -1,8 +1,8 @@
 r"""Personal builds: one body, stretched limb by limb to the proportions of a person.
 
-A build is a short vector :math:`\beta`: how much longer, wider or thicker each part is than the
-template's of the same overall size, as a share (0.05: 5 %). Left and right are alike. The rest pose
-moves linearly with it,
+A build is a short vector :math:`\beta`: the relative change in length, width or thickness of each part
+against the template at the same overall size (0.05: 5 %), equal on both sides. The rest pose moves linearly
+with it,
 
 .. math:: v(\beta) = v_0 + \sum_k \beta_k D_k, \qquad c(\beta) = c_0 + \sum_k \beta_k N_k,
 
@@ -95,7 +95,7 @@ _OFFSETS: dict[str, tuple[tuple[str, ...], Array]] = {
     "shank": (("ankle",), _ALL),
     "foot": (("foot",), _ALL),
 }
-"""What a part does to the offsets of nodes from their parents: those nodes, without the side, and how."""
+"""For each part: the joints (without side) whose offset from the parent it scales, and along which axis."""
 
 _ALONG, _ACROSS = "along", "across"
 
@@ -114,17 +114,18 @@ _SURFACES: dict[str, tuple[tuple[str, Array | str], ...]] = {
     "arm_girth": (("shoulder", _ACROSS), ("elbow", _ACROSS)),
     "leg_girth": (("hip", _ACROSS), ("knee", _ACROSS)),
 }
-"""What a part does to the skin of segments, about their node: along or across the bone, or by axes."""
+"""For each part: the segments whose skin it scales about their node, along or across the bone, or per
+axis."""
 
 _NEXT = {"shoulder": "elbow", "elbow": "wrist", "hip": "knee", "knee": "ankle"}
 """The node at the end of each long bone."""
 
 MOST: Array = np.where([name == "trunk_depth" for name in BUILD_NAMES], 0.6, 0.3)
-"""No part is taken to differ by more than this, (13,): four to six standard deviations of most. Coats make a
-trunk half as deep again."""
+"""Maximum deviation of each part, (13,): four to six standard deviations for most; coats make a trunk up to
+50 % deeper."""
 
 _KEPT = 64
-"""Bodies that are remembered; a person's build seldom changes."""
+"""Number of cached bodies; a person's build seldom changes."""
 
 
 class BuildSpace:
@@ -174,8 +175,8 @@ def build_space(template: Body) -> BuildSpace:
 def prior_information() -> Array:
     """Inverse covariance of builds among adults, (13, 13).
 
-    Lengths and girths are treated as independent: girths also take up what clothes add, and what the
-    sensor's noise and the smoothing of the cloud take away from thin limbs; bones must not follow.
+    Lengths and girths are treated as independent: girths also absorb what clothes add and what sensor noise
+    and smoothing remove from thin limbs, and bone lengths must not follow.
     """
     covariance = CORRELATION * np.outer(SPREAD, SPREAD)
     covariance[:_LENGTHS, _LENGTHS:] = covariance[_LENGTHS:, :_LENGTHS] = 0.0

@@ -22,7 +22,7 @@ FORMAT_VERSION = 1
 
 @dataclass(frozen=True)
 class KnownBuild:
-    """What is known of one person's size and proportions.
+    """Estimate of one person's size and proportions.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class KnownBuild:
     build, spread : (13,) float64
         Parts (`depth_pose.body.build.BUILD_NAMES`), and their standard deviations.
     frames : int
-        Frames that it was learned from.
+        Number of frames that it was learned from.
     """
 
     scale: float

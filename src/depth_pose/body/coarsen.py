@@ -9,9 +9,8 @@ from depth_pose.body.normals import vertex_normals
 from depth_pose.core.farthest_points import farthest_rows, nearest_points
 
 _WEIGHT_M = 0.25
-"""Distance in space that counts as much as belonging to another segment altogether, metres.
-
-Set by hand; not swept. ``test/body/test_coarsen.py`` holds what it must give.
+"""Distance in space (m) that weighs as much as belonging to another segment. Set by hand; not swept; checked
+by ``test/body/test_coarsen.py``.
 """
 
 
@@ -19,9 +18,9 @@ def coarsen(body: Body, vertices: int) -> Body:
     """Cluster a body's vertices and keep one of each cluster.
 
     The kept ones lie far apart in space and skin weights (greedy farthest-point selection,
-    Gonzalez 1985), so that limbs which touch in the rest pose stay apart. Faces within a cluster
-    or between two vanish. The surface bends away from a kept vertex; it is moved out by the mean
-    depth of its cluster below it, so that the body does not shrink.
+    Gonzalez 1985), so that limbs which touch in the rest pose stay apart. Faces within one cluster or between
+    two vanish. A kept vertex is moved out by its cluster's mean depth below it, so that the curved surface
+    does not shrink.
 
     Parameters
     ----------
@@ -32,7 +31,7 @@ def coarsen(body: Body, vertices: int) -> Body:
     Returns
     -------
     Body
-        It moves as the other does. Its surface may have folds and small gaps.
+        It has the same skeleton and motion. Its surface may have folds and small gaps.
     """
     if len(body.vertices) <= vertices:
         return body
@@ -41,7 +40,7 @@ def coarsen(body: Body, vertices: int) -> Body:
     cluster = nearest_points(place, place[kept])
     normals = vertex_normals(body)
     below = ((body.vertices[kept][cluster] - body.vertices) * normals[kept][cluster]).sum(axis=1)
-    sizes = np.bincount(cluster, minlength=len(kept))  # none has some where vertices are doubled
+    sizes = np.bincount(cluster, minlength=len(kept))  # clusters are empty where vertices are doubled
     depth = np.bincount(cluster, below, len(kept)) / np.maximum(sizes, 1)
     faces = cluster[body.faces]
     whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])

@@ -25,7 +25,7 @@ def save_body(body: Body, path: Path, **notes: str) -> None:
     body : Body
     path : Path
     **notes : str
-        Kept beside the arrays under their names; `load_body` does not read them.
+        Stored beside the arrays under their names; `load_body` does not read them.
     """
     arrays: dict[str, Any] = {name: getattr(body, name) for name in _FIELDS}
     arrays.update(stature=np.float64(body.stature), **notes)
@@ -49,7 +49,7 @@ def load_body(path: Path) -> Body:
 
     The arrays are those of `Body`, in the model frame and the rest pose of `depth_pose.core.skeleton`:
     ``vertices`` (V, 3) metres, ``faces`` (F, 3), ``weights`` (V, 21), ``nodes`` (21, 3), and
-    optionally ``stature``. Of each vertex's weights the largest four are kept. The body is scaled
+    optionally ``stature``. The four largest weights of each vertex are kept. The body is scaled
     to the stature of the reference adult, which is a scale of 1.
 
     Raises
@@ -79,7 +79,7 @@ def load_body(path: Path) -> Body:
                 + ("whole numbers" if name == "faces" else "numbers and finite")
             )
     if len(faces) == 0 or faces.min() < 0 or faces.max() >= len(vertices):
-        raise InputError(f"{path}: the array faces names vertices that there are not")
+        raise InputError(f"{path}: the array faces has indices of vertices that do not exist")
     if weights.min() < 0 or weights.sum(axis=1).min() <= 0:
         raise InputError(f"{path}: the array weights must not be negative, and no row may be all zero")
     stature = _stature(path, arrays)

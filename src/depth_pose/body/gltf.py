@@ -34,16 +34,16 @@ _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126:
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 """Numbers in an element of each type, by the glTF 2.0 specification."""
 _SAME = 1e-5
-"""Vertices nearer than this share of the body's size are one; set by hand, a hundredth of a millimetre."""
+"""Vertices closer than this share of the body's size are merged: about 0.01 mm. Set by hand."""
 
 
 _MOST_BYTES = 1 << 28
-"""Largest file, and its buffers together: 256 MiB; those of people in games and films have 1 to 50. Set by
-hand, as all limits here."""
+"""Size limit of a file and of its buffers together (bytes): 256 MiB; people in games and films have 1 to 50
+MiB. Set by hand, as all limits here."""
 _MOST_VERTICES = 1_000_000
-"""Those of people have 5,000 to 200,000."""
+"""Maximum number of vertices; people have 5,000 to 200,000."""
 _MOST_BONES, _MOST_NODES, _MOST_DEPTH = 2000, 100_000, 1000
-"""Those of people have 20 to 200 bones."""
+"""Maximum number of bones; people have 20 to 200."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def load_gltf_body(path: Path) -> Body:
         return _load(path)
     except InputError:
         raise
-    except Exception as error:  # whatever a document may lack or hold
+    except Exception as error:  # a document may have any defect
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise InputError(f"{path} cannot be read as glTF 2.0 ({reason:.200}); export it as .glb") from error
 
@@ -95,7 +95,7 @@ def _read(path: Path) -> tuple[GLTF2, list[bytes]]:
     with open_ordinary(path, _MOST_BYTES) as stream:
         content = stream.read()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what is odd in other parts of the document
+        warnings.simplefilter("ignore")  # errors in unused parts of the document
         if path.suffix.lower() == ".glb":
             document = GLTF2.load_from_bytes(content)
         else:
@@ -129,14 +129,14 @@ def _read_uri(path: Path, uri: str) -> bytes:
 
 
 def _array(document: GLTF2, buffers: list[bytes], number: int) -> NDArray[Any]:
-    """Read an accessor, (count, width); integers that stand for 0 to 1 become that."""
+    """Read an accessor, (count, width); normalised integers become 0 to 1."""
     accessor = document.accessors[number]
     if accessor.sparse is not None or accessor.bufferView is None:
         raise ValueError("sparse accessors are not supported")
     view = document.bufferViews[accessor.bufferView]
     dtype, width = np.dtype(_TYPES[accessor.componentType]), _WIDTHS[accessor.type]
     start, step = view.byteOffset + accessor.byteOffset, view.byteStride or width * dtype.itemsize
-    if accessor.count > 3 * _MOST_VERTICES:  # the corners of as many triangles, and more
+    if accessor.count > 3 * _MOST_VERTICES:  # three corners per triangle, and a margin
         raise InputError(f"an array of {accessor.count} is too long; at most {3 * _MOST_VERTICES} are read")
     shape, strides = (accessor.count, width), (step, dtype.itemsize)
     array = np.ndarray(shape, dtype, buffers[view.buffer], start, strides)

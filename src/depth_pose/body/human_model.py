@@ -1,15 +1,15 @@
 """The kinematic model of people of REP-155: a URDF of a person's build, and the angles of its joints.
 
 REP-155, *Conventions, Topics, Interfaces for Perception in Human-Robot Interaction* (section *Kinematic Model
-of the Human*) names links and joints; what axis each joint turns about is that of the public package
-``human_description``, so that others' clients read the angles as they are meant. Every name ends in ``_ID``.
+of the Human*) names links and joints; the joint axes are those of the public package ``human_description``,
+so that other clients interpret the angles correctly. Every name ends in ``_ID``.
 
 Frames are REP-103's: in the standing posture x points forward, y to the person's left, z up. Arms and legs
 hang along -z. ``body`` lies midway between the hips, ``torso`` midway between the shoulders.
 
-The model has fewer joints than people: the trunk only bends forward and backward. Angles of arms, legs and
-head are those with which their *directions* come out as they are; twist and side bend of the trunk are lost,
-so shoulders and head lie a few centimetres off. `Posture.frames` are the measured places, and lose nothing.
+The model has fewer joints than people: the trunk only bends forward and backward. The angles of arms, legs
+and head reproduce their *directions*; twist and side bend of the trunk are lost, so shoulders and head are a
+few centimetres off. `Posture.frames` are the measured poses, without this loss.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ JOINTS: tuple[str, ...] = ("waist", "r_head", "y_head", "p_head") + tuple(
         *("y_hip", "p_hip", "r_hip", "knee"),
     )
 )
-"""The joints that turn, in the order of `Posture.angles`."""
+"""The movable joints, in the order of `Posture.angles`."""
 
 _FORWARD, _LEFT, _UP = np.eye(3)[2], np.eye(3)[0], np.eye(3)[1]
 """Directions in the model frame of `depth_pose.core.skeleton`."""
@@ -54,14 +54,14 @@ _AXES = np.stack([_FORWARD, _LEFT, _UP], axis=1)
 """``R_model_link``: REP-103's axes in the model frame of `depth_pose.core.skeleton`."""
 
 _STRAIGHT = 0.15
-"""Weight of the segment's own rotation beside the bend of a limb, which says nothing of a straight limb's
-twist: from a bend of 9 degrees on the bend says more. Set by hand."""
+"""Relative weight of the segment's own twist; the bend direction dominates above 9 degrees, since a straight
+limb has no bend plane. Set by hand."""
 
 _RADIUS_M = 0.03
 """Radius of the limbs as drawn, metres."""
 
 NEW_SIZES = 0.02
-"""Relative change of sizes below which the URDF is kept; set by hand."""
+"""Relative change of a size above which the URDF is published again; set by hand."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +186,7 @@ def _limb(
 
 
 def _pitch(toward: Array, rest: tuple[float, float]) -> float:
-    """Turn about y that takes the rest direction (forward, up) to another, seen from the side."""
+    """Rotation about y from the rest direction (forward, up) to another, seen from the side."""
     return float(np.arctan2(toward[0], toward[2]) - np.arctan2(*rest))
 
 
@@ -200,7 +200,7 @@ def _head_angles(R: Array) -> tuple[float, float, float]:
 def _shoulder_angles(R: Array, sign: float) -> tuple[float, float, float]:
     """Return y, p, r of ``Rz(-s y) Rx(s p) Rz(s r)``, where s is the sign of the side; p is not negative."""
     lift = np.arccos(np.clip(R[2, 2], -1.0, 1.0))
-    if np.sin(lift) < 1e-6:  # only the sum of the two turns about the arm is known
+    if np.sin(lift) < 1e-6:  # only the sum of the two rotations about the arm is determined
         return 0.0, float(lift), float(sign * np.arctan2(R[1, 0], R[0, 0]))
     first, last = np.arctan2(sign * R[0, 2], -sign * R[1, 2]), np.arctan2(sign * R[2, 0], sign * R[2, 1])
     return float(-sign * first), float(lift), float(sign * last)
@@ -305,7 +305,7 @@ class _Urdf:
             self.joint(names[k], links[k], links[k + 1], places[k], axis)
 
     def lower(self, letter: str, names: tuple[str, str, str], upper: float, under: float) -> None:
-        """Add what lies below a shoulder or a hip."""
+        """Add the links below a shoulder or a hip."""
         first, middle, last = (f"{letter}_{n}" for n in names)
         self.joint(middle, first, middle, (0, 0, -upper), (0, -1, 0))
         self.joint(last, middle, last, (0, 0, -under))

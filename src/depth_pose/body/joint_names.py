@@ -51,7 +51,7 @@ def _ancestors(source: SourceMotion, joint: int) -> list[int]:
 
 
 def _parent_apart(source: SourceMotion, joint: int) -> int:
-    """Nearest ancestor from which the joint is apart (twist joints on the way are skipped)."""
+    """Nearest ancestor at another position (twist joints in between are skipped)."""
     size = np.linalg.norm(source.offsets, axis=1).max()
     child = joint
     while source.parents[child] >= 0:

@@ -1,8 +1,7 @@
 """Joint limits: anatomical ranges, clamping, violation, and the shoulder's rhythm.
 
 The ranges are those of healthy adults, rounded between these sources and widened to the more
-generous where they differ, because a limit that forbids a real posture costs more than one that
-allows a stiff person too much:
+generous where they differ, because forbidding a real posture costs more than allowing an impossible one:
 
 * American Academy of Orthopaedic Surgeons, *Joint Motion: Method of Measuring and Recording*,
   1965 (spine, shoulder, elbow, forearm, hip, knee, ankle);
@@ -42,7 +41,7 @@ OVERHEAD_DEG = 155.0
 """Elevation from which an arm points up whatever its plane is.
 
 Forward, sideward and backward meet there, and so do very different pairs of (flexion, abduction)
-and twist; limits on these would forbid an arm that leans a little behind the ear.
+and twist; limits on these would forbid an arm slightly behind the ear.
 """
 
 

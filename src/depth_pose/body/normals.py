@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 
 class Triangles(Protocol):
-    """What has ``vertices``, (V, 3) float64, and ``faces``, (F, 3) int32: a `Body`, a mesh."""
+    """Any object with ``vertices``, (V, 3) float64, and ``faces``, (F, 3) int32: a `Body` or a mesh."""
 
     @property
     def vertices(self) -> NDArray[np.float64]: ...  # noqa: D102
@@ -29,7 +29,7 @@ def normals_of(vertices: NDArray[np.float64], faces: NDArray[np.int32], by_face:
     They are added face by face, or first all faces' first corners: the last bits differ. Simulated
     scenes were made the first way, bodies and banks the second.
     """
-    from depth_pose.body._skin_kernels import add_face_normals  # numba only for those who compute
+    from depth_pose.body._skin_kernels import add_face_normals  # import numba only if needed
 
     total = np.zeros_like(vertices)
     add_face_normals(vertices, faces, by_face, total)

@@ -1,4 +1,4 @@
-"""Poses of the skinned body, as matching, fitting and recovery hand them on."""
+"""Poses of the skinned body, as passed between matching, fitting and recovery."""
 
 from __future__ import annotations
 

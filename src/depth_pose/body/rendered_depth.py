@@ -19,7 +19,7 @@ from depth_pose.core.camera import Camera
 
 
 class Observation(NamedTuple):
-    """What is known of the person on a pixel grid, cut to a window around them, as kernels take it.
+    """The observed person on a pixel grid, cropped to a window, in the form of the kernels' argument.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ def render_depth(
 
 @dataclass(frozen=True)
 class Comparison:
-    """How a mesh compares with the observation.
+    """Result of comparing a mesh with the observation.
 
     Attributes
     ----------

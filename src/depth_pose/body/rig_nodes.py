@@ -17,7 +17,7 @@ _TRUNK = ("pelvis", "spine", "chest", "neck")
 _LIMBS = ("clavicle", "shoulder", "elbow", "wrist", "hip", "knee", "ankle", "foot")
 
 _SLACK = 0.03
-"""Trunk bones belong to the node below, or so little above, in statures. Set by hand; not swept."""
+"""Maximum height of a node above a trunk bone assigned to it, in statures. Set by hand; not swept."""
 
 
 def model_turn(name: str, heads: Array, found: dict[str, int]) -> Array:
@@ -28,7 +28,7 @@ def model_turn(name: str, heads: Array, found: dict[str, int]) -> Array:
     name : str
         Of the file, for errors.
     heads : (B, 3) float64
-        Where the bones begin, in the file's axes and unit.
+        Origins of the bones, in the file's axes and unit.
     found : dict
         Row of each joint (`depth_pose.body.joint_names.find_joints`).
 
@@ -65,7 +65,7 @@ def place_nodes(heads: Array, found: dict[str, int]) -> Array:
     Parameters
     ----------
     heads : (B, 3) float64
-        Where the bones begin, in our axes and the file's unit.
+        Origins of the bones, in our axes and the file's unit.
     found : dict
         Row of each joint.
 
@@ -108,7 +108,7 @@ def bone_owners(rig: SourceMotion, heads: Array, found: dict[str, int], nodes: A
     rig : SourceMotion
         Its bones, parents before children.
     heads : (B, 3) float64
-        Where they begin, in our axes.
+        Their origins, in our axes.
     found : dict
         Row of each joint.
     nodes : (21, 3) float64

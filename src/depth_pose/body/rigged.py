@@ -58,7 +58,7 @@ def rigged_body(name: str, mesh: RiggedMesh, thinning: Thinning | None = None) -
     mesh : RiggedMesh
         In any pose and of any size.
     thinning : Thinning, optional
-        Of a body of the same mesh in another shape, as returned with it: the same vertices are kept.
+        Thinning of another shape of the same mesh, so that the same vertices are kept.
     """
     mesh = _to_rest_pose(mesh)
     if thinning is None:

@@ -16,14 +16,14 @@ MOST_MOTION_BYTES = 1 << 28
 """Largest file of motion, 256 MiB: an hour of 60 channels at 120 frames a second. Set by hand."""
 
 MOST_JOINTS = 1000
-"""Those of people have 20 to 200 joints, fingers and face included. Set by hand."""
+"""Maximum number of joints; people have 20 to 200, with fingers and face. Set by hand."""
 
 MOST_ROTATIONS = 20_000_000
 """Frames times joints: an hour of 46 joints at 120 frames a second, 1.4 GB. Set by hand."""
 
 
 def check_motion_size(path: Path | str, frames: int, joints: int) -> None:
-    """Refuse motion of more frames and joints than can honestly be, before it is made.
+    """Refuse motion with an implausible number of frames or joints, before allocating it.
 
     Raises
     ------

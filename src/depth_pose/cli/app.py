@@ -68,7 +68,7 @@ def _main(
 
     [bold]Live, on a sensor's topics:[/bold]  depth-pose up
 
-    [bold]Where several cameras stand:[/bold]  depth-pose calibrate a.mcap b.mcap -o rig.yaml
+    [bold]Calibrate several cameras:[/bold]  depth-pose calibrate a.mcap b.mcap -o rig.yaml
 
     [bold]Without a sensor:[/bold]  depth-pose simulate -o bags/sim.mcap
     """
@@ -89,7 +89,7 @@ app.add_typer(volume_app, name="volume")
 
 
 def run_command() -> None:
-    """Run the command; expected errors are one line, exit code 1, 2 for a wrong setting, 3 for damage."""
+    """Run the command; print expected errors on one line, exit code 1 (2 for a setting, 3 for damage)."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):  # a character that the terminal lacks must not end the command
             stream.reconfigure(errors="backslashreplace")

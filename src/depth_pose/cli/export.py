@@ -51,10 +51,10 @@ def export(
 ) -> None:
     """Write skeletons for other tools: .bvh for animation, .trc for OpenSim, .csv, .npz.
 
-    A .bvh or .trc holds one person; of several each gets a file, NAME_ID.bvh. Its bones have the lengths
-    of that person. y is up in both, as their importers expect it; they turn z up themselves. .csv and
-    .npz hold everybody, in metres, in the sensor's optical frame (x right, y down, z forward) or the floor's.
-    Skeletons of `run --rig` stay in the room's frame (z up, z = 0 on the floor), .bvh and .trc with y up.
+    A .bvh or .trc holds one person; several people get one file each, NAME_ID.bvh, with the bone lengths of
+    that person. y is up in both, as importers expect. .csv and .npz hold everybody, in metres, in the
+    sensor's optical frame (x right, y down, z forward) or the floor's. Skeletons of `run --rig` stay in the
+    room's frame (z up, z = 0 on the floor), .bvh and .trc with y up.
 
     Gaps in which a person was not found are reported. Without --fill .bvh keeps the last pose, .trc and
     .npz have NaN, .csv no rows.

@@ -19,7 +19,7 @@ def add_to(app: typer.Typer) -> None:
 def fuse(
     rig: Annotated[
         Path | None,
-        typer.Option(help="Names and places of the cameras (rig file).", show_default="places by /tf_static"),
+        typer.Option(help="Names and poses of the cameras (rig file).", show_default="poses from /tf_static"),
     ] = None,
     topic: Annotated[
         list[str] | None,
@@ -44,8 +44,8 @@ def fuse(
 ) -> None:
     """Merge the skeletons of several cameras: everybody in the room on /depth_pose/room/skeletons.
 
-    Each camera has a suite of its own, on this machine or another; the rig file says where it stands. A
-    camera that stops, lags or was moved is left out until it agrees with the others again.
+    Each camera has a suite of its own, on this machine or another; the rig file holds its pose. A camera that
+    stops, lags or was moved is excluded until it agrees with the others again.
 
     [bold]Examples:[/bold]
 
@@ -56,7 +56,7 @@ def fuse(
     depth-pose fuse --topic /left/skeletons --topic /right/skeletons --room-frame map --tf
     """
     if rig is None and not topic and params is None:
-        raise ConfigError("give --rig (a rig file), or --topic for each camera, whose places /tf_static has")
+        raise ConfigError("give --rig (a rig file), or --topic for each camera with poses on /tf_static")
     parameters: dict[str, Any] = {"room_frame": room_frame}
     parameters |= {"rig": str(rig.absolute())} if rig is not None else {}
     parameters |= {"topics": topic} if topic else {}

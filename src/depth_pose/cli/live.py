@@ -37,7 +37,7 @@ def add_to(app: typer.Typer) -> None:
 
 def call_ros(module: str, function: str, *arguments: Any, **options: Any) -> Any:
     """Call a function of a module that needs ROS."""
-    os.umask(0o077)  # recordings of people are readable for this account only
+    os.umask(0o077)  # recordings of people are readable by this account only
     try:
         importlib.import_module("depth_pose.ros.process.logs").ensure_log_folder()
         found = importlib.import_module(f"depth_pose.ros.{module}")
@@ -61,7 +61,7 @@ def up(
         str | None, typer.Option(help="Topics of a known driver (a wrong name lists them).")
     ] = None,
     auto: Annotated[
-        bool, typer.Option("--auto", help="Take the only depth topic that there is, of any name and type.")
+        bool, typer.Option("--auto", help="Use the only depth topic there is, of any name and type.")
     ] = False,
     params: Annotated[
         Path | None, typer.Option(help="ROS parameter file (key /**:) for all nodes.", metavar="FILE")
@@ -110,7 +110,7 @@ def up(
     depth-pose up --namespace left --params left.yaml
     """
     if auto and sensor is not None:
-        raise ConfigError("--auto finds the topics and --sensor names them; give one of them")
+        raise ConfigError("give either --auto, which finds the topics, or --sensor, which names them")
     parameters: dict[str, Any] = {
         name: value
         for name, value in (
@@ -189,8 +189,8 @@ def play(
 ) -> None:
     """Publish a recording on its topics, with /clock.
 
-    Topics that were latched when they were recorded are so again. The first message waits until nodes that
-    run already have found the topics, a second or so.
+    Topics that were latched when recorded are latched again. The first message waits until running nodes have
+    found the topics, about a second.
 
     [bold]Examples:[/bold]
 

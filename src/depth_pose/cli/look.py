@@ -90,7 +90,7 @@ def tf(
 
 
 def _first(watched: Any, count: int | None) -> Any:
-    """Yield values until `count` of them were known; None does not count."""
+    """Yield values until `count` of them were not None."""
     known = 0
     for told in watched:
         yield told

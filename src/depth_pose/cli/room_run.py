@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def check_room_options(**given: Any) -> None:
-    """Raise ConfigError for options that do not go with ``--rig``."""
+    """Raise ConfigError for options that cannot be combined with ``--rig``."""
     for name, value in given.items():
         if value is not None:
             raise ConfigError(f"--{name.replace('_', '-')} does not go with --rig")
@@ -80,7 +80,7 @@ def _check(rig: Rig, rig_file: Path, recordings: Sequence[Path]) -> None:
             "given: give one for each, in this order"
         )
     if len({path.resolve() for path in recordings}) < len(recordings):
-        raise ConfigError("the same recording is given twice; each camera has its own")
+        raise ConfigError("the same recording is given twice; each camera needs its own")
 
 
 def _share_of(count: int, update: Callable[[int], None]) -> Callable[[int, float], None]:

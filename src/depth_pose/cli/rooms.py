@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from depth_pose.rooms.calibration_result import Calibration
 
 _MOST_OFFSET_S = 0.02
-"""Clock offset (s) above which a warning is printed: more than live fusion is made for."""
+"""Clock offset (s) above which a warning is printed: more than live fusion tolerates."""
 
 
 _LIVE_S = 60.0
-"""Seconds that are recorded with ``--live``; set by hand."""
+"""Length of a recording with ``--live`` (s); set by hand."""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -39,7 +39,7 @@ def calibrate(
     recordings: Annotated[
         list[Path],
         typer.Argument(
-            help="Depth recordings of the same time, one a camera; with --live topics of depth images.",
+            help="Depth recordings of the same time, one per camera; with --live: topics of depth images.",
             metavar="A B...",
             show_default=False,
         ),
@@ -56,7 +56,7 @@ def calibrate(
         typer.Option(
             min=5.0,
             max=3600.0,
-            help="Use only this much of the beginning; with --live: record for this long.",
+            help="Use only the first seconds; with --live: record for this long.",
             show_default=f"all; {_LIVE_S:.0f} with --live",
         ),
     ] = None,
@@ -66,15 +66,15 @@ def calibrate(
         typer.Option(min=0, help="Number of processes; 0: only this one.", show_default="all cores"),
     ] = None,
 ) -> None:
-    """Find where several cameras stand in one room, from people who walk about in it.
+    """Calibrate several cameras in one room from people who walk about in it.
 
-    Nothing is held up or measured: record all cameras at the same time for 20 s to a minute while one or more
-    people walk through all of the common view, to and fro and across. Their skeletons and the floor give the
-    first estimate; the surfaces of the empty room that two cameras see refine it. Clocks may differ by half a
-    second. Transforms between the cameras on /tf_static are used as they are.
+    No target or measurement is needed: record all cameras at the same time for 20 s to a minute while one
+    or more people walk to and fro and across the whole common view. Their skeletons and the floor give
+    the first estimate; the surfaces of the empty room that two cameras see refine it. Clocks may differ
+    by half a second. Transforms between the cameras on /tf_static are used as they are.
 
     The rig file holds each camera's pose in the room frame (z up, floor at z = 0, origin below the first
-    camera, x along its view) and its clock's offset; run --rig and volume run read it.
+    camera, x along its view) and its clock offset; run --rig and volume run read it.
 
     [bold]Examples:[/bold]
 
@@ -146,7 +146,7 @@ def read_live(topics: Sequence[str], setting: RecordSetting, workers: int | None
         if silent:
             raise InputError(
                 f"nothing came on {', '.join(silent)}: start the cameras' drivers; `ros2 topic list` or "
-                "`depth-pose up` names the topics that there are"
+                "`depth-pose up` lists the available topics"
             )
         names = camera_names([topic.strip("/").partition("/")[0] for topic in topics])
         settings = [replace(setting, depth_topic=topic, seconds=None) for topic in topics]

@@ -87,8 +87,8 @@ def run(
     rig: Annotated[
         Path | None,
         typer.Option(
-            help="Rig file of several cameras in one room (calibrate writes it): the recordings are theirs, "
-            "in its order, and go to one file in the room's frame.",
+            help="Rig file of several cameras in one room (written by calibrate): one recording per camera, "
+            "in its order; all go to one file in the room's frame.",
             metavar="FILE",
         ),
     ] = None,
@@ -100,8 +100,8 @@ def run(
         typer.Option(
             min=1,
             max=2,
-            help="2: play each recording back as well, with the builds of all of it, and join both answers; "
-            "people's mirror images are looked at, too. More accurate; takes twice as long.",
+            help="2: process each recording a second time, backwards, with the builds learned from all of "
+            "it and mirrored views of each person, and combine both answers: more accurate, twice the time.",
         ),
     ] = 1,
     raw: Annotated[bool, typer.Option("--raw", help="Do not smooth the joints.")] = False,
@@ -263,7 +263,7 @@ def _run_one(
         ("most people in a frame", str(summary.most_people)),
     ]
     if pipeline.unanswered:
-        facts.append(("found, not answered", f"{pipeline.unanswered} frames: no pose that can be believed"))
+        facts.append(("found, not answered", f"{pipeline.unanswered} frames: no plausible pose"))
     if pipeline.recoverer.doubtful:
         facts.append(("found, pose doubtful", f"{pipeline.recoverer.doubtful} detections that no body fits"))
     facts += [(reason, f"{n} ignored") for reason, n in pipeline.extractor.rejected_counts.items() if n]
@@ -306,9 +306,7 @@ def _run_archive(
     from depth_pose.archive.sheet import SHEET
 
     if workers is not None and cluster is not None:
-        raise ConfigError(
-            "--workers are processes of this machine and --cluster has its own; give one of them"
-        )
+        raise ConfigError("give either --workers (processes of this machine) or --cluster (its own workers)")
     sources = find_sources(inputs, folder)
     if folder.suffix == ".mcap" or folder.is_file():
         raise ConfigError(f"the skeletons of several recordings go to a folder; {folder} is a file's name")

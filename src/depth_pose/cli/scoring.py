@@ -222,8 +222,9 @@ def overlay(
 ) -> None:
     """Draw skeletons over depth images, as a picture or an animation.
 
-    Above a frame stand its time, the skeleton's source and its confidence, and with --truth the mean error.
-    Skeletons in a room's frame (`run --rig`) are drawn into the images of one of its cameras, with --rig.
+    The title of a frame shows its time, the skeleton's source and confidence, and with --truth the mean
+    error. Skeletons in a room's frame (`run --rig`) are drawn into the images of one of its cameras, with
+    --rig.
 
     [bold]Examples:[/bold]
 

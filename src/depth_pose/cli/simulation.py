@@ -20,10 +20,10 @@ _ROOM_FPS = 15.0
 """Frame rate of a simulated room; that of the simulated sensors at their full range."""
 
 _ROOM_WIDTH_PX = 320
-"""Width of a simulated room's images where none is given, pixels. Set by hand."""
+"""Default width of a simulated room's images (pixels). Set by hand."""
 
 _CLOCK_OFFSET_S = 0.02
-"""Maximum offset of the cameras' clocks where none is given, seconds: hosts that synchronise by NTP."""
+"""Default maximum offset of the cameras' clocks (s): hosts synchronised by NTP."""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -125,11 +125,11 @@ def simulate(
     placed = given(distance=distance, height=height, azimuth=azimuth, pitch=pitch, roll=roll)
     shell = given(floor=floor, wall=wall)
     if not room and people is not None:
-        raise ConfigError("--people goes with --room; without it there is one person")
+        raise ConfigError("--people needs --room; without it there is one person")
     if not room and cameras is not None:
-        raise ConfigError("--cameras goes with --room; without it there is one sensor")
+        raise ConfigError("--cameras needs --room; without it there is one sensor")
     if clock_offset is not None and (cameras or 1) == 1:
-        raise ConfigError("--clock-offset goes with --cameras 2 or more; a single clock has no offset")
+        raise ConfigError("--clock-offset needs --cameras 2 or more; a single clock has no offset")
     require("open3d", "a simulated sensor")
     if room:
         unused = [*given(motion=motion, sensor=sensor), *chosen, *placed, *shell]

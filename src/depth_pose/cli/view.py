@@ -59,12 +59,12 @@ def view(
 ) -> None:
     """Show people and depth in a browser: of the running nodes, or of a recording.
 
-    Prints an address; open it in any browser on this machine. In a recording play, pause, scrub and set
-    the speed; live, the panel shows the nodes' state, and follow, zone and nearest set their parameters.
+    Prints an address; open it in any browser on this machine. For a recording, the panel has play, pause,
+    position and speed; live, it shows the nodes' state, and follow, zone and nearest set their parameters.
     Without SKELETONS the recording's people are found while it is shown; nothing is saved.
 
-    Skeletons of `run --rig` are shown in their room, alone or with the depth of one camera; --rig tells
-    where the cameras stand.
+    Skeletons of `run --rig` are shown in their room, alone or with the depth of one camera; --rig gives the
+    cameras' poses.
 
     Other machines cannot connect unless --host admits them; there is no password.
 

@@ -136,7 +136,7 @@ def train(
         Path | None,
         typer.Option(
             help="Cameras to train for (rig file). For depth cameras only their mean height and distance "
-            "matter: one model serves any number, wherever they stand.",
+            "are used: one model serves any number of cameras, at any pose.",
             show_default="8 under the roof, or a depth camera at 1.3 m",
         ),
     ] = None,

@@ -10,7 +10,7 @@ from depth_pose.core.kernels import njit
 
 
 class Grid(NamedTuple):
-    """Square cells: the least x and y, metres; the cells' side, metres; how many rows and columns."""
+    """Square cells: minimum x and y (m), side (m), numbers of rows and columns."""
 
     low_x: Any
     low_y: Any
@@ -21,7 +21,7 @@ class Grid(NamedTuple):
 
 @njit(cache=True, fastmath=True, forceinline=True)
 def bounds(points, chosen):
-    """Least and greatest x and y of the chosen of some points."""
+    """Minimum and maximum x and y of the selected points."""
     low_x, low_y, high_x, high_y = np.inf, np.inf, -np.inf, -np.inf
     for i in range(points.shape[0]):
         if chosen[i]:
@@ -32,10 +32,10 @@ def bounds(points, chosen):
 
 @njit(cache=True, fastmath=True, forceinline=True)
 def sort_into_cells(points, chosen, grid):
-    """Sort the chosen of some points into a grid's cells.
+    """Sort the selected points into a grid's cells.
 
-    Returns their numbers in the order of the cells, row by row, and where each cell starts
-    (rows * cols + 1). Points off the grid are left out.
+    Returns their indices in the order of the cells, row by row, and the start of each cell (rows * cols + 1).
+    Points outside the grid are left out.
     """
     start = np.zeros(grid.rows * grid.cols + 1, np.int32)
     cell = np.full(points.shape[0], -1, np.int32)

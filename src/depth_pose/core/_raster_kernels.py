@@ -1,8 +1,7 @@
 """Compiled z-buffer, used by `depth_pose.body.rendered_depth`.
 
-The loops choose by arithmetic instead of by branches wherever both outcomes are frequent: which
-faces look away, and which pixels of a small box lie in its triangle, cannot be predicted, and at
-thousands of faces a frame branch mispredictions cost more than the arithmetic.
+The loops replace branches by arithmetic where both outcomes are frequent, as in back-face tests and the
+pixels of a small box: with thousands of faces a frame, branch mispredictions cost more than the arithmetic.
 """
 
 from __future__ import annotations

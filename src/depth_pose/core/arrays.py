@@ -23,11 +23,11 @@ MOST_MEMBERS = 1000
 """Maximum number of arrays in a file; a bank has 11, a volume model 20. Set by hand."""
 
 FREE_BYTES = 1 << 28
-"""Arrays of 256 MiB are read whatever the size of their file. Set by hand."""
+"""Size (bytes) up to which arrays are read whatever the size of their file: 256 MiB. Set by hand."""
 
 MOST_RATIO = 40
-"""Larger ones may have at most this multiple of their file's size. The embedded body unpacks to 6 times,
-truths of simulated recordings to 2.3 times, zeros to 1,000 times. Set by hand."""
+"""Maximum ratio of larger arrays to their file's size: 6 for the embedded body, 2.3 for simulated truths,
+1,000 for zeros. Set by hand."""
 
 
 class DamagedArrays(ValueError):

@@ -1,6 +1,6 @@
 """Sensors that are mounted upside down, on their side or rolled.
 
-All steps assume that up is the image's upper border. So frames of a rolled sensor are rotated upright about
+All steps assume that the top of the image is up. So frames of a rolled sensor are rotated upright about
 the optical axis, which changes no depth, and skeletons are rotated back into the sensor's own frame.
 """
 
@@ -63,7 +63,7 @@ def check_upright(frame_id: str, config: MountConfig) -> None:
     """
     if config.roll % 360.0 != 0.0 and not frame_id.endswith(UPRIGHT):
         raise InputError(
-            f"mount.roll is {config.roll:g} here, and {frame_id!r} not turned upright: set it for all nodes"
+            f"mount.roll is {config.roll:g} here, and {frame_id!r} is not upright: set it for all nodes"
         )
 
 

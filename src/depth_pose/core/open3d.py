@@ -1,4 +1,4 @@
-"""Open3D, which casts rays: imported where a bank is built or a sensor is simulated, and nowhere else.
+"""Import Open3D, which casts rays, only where a bank is built or a sensor is simulated.
 
 The extra ``sim`` installs it.
 """

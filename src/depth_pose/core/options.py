@@ -33,7 +33,7 @@ def option(
 
 @dataclass(frozen=True)
 class Option:
-    """One setting as ROS parameters and command lines need it."""
+    """One setting in the form of a ROS parameter or command-line option."""
 
     name: str
     default: bool | int | float | str | tuple[float, ...]

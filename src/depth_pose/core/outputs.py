@@ -191,7 +191,7 @@ class NewFile:
         self._finish()
         if self._visible:
             return self._part
-        partial, number = _open_partial(self.path)  # a name that nobody has
+        partial, number = _open_partial(self.path)  # a name that does not exist yet
         os.close(number)
         os.replace(self._part, partial)
         return partial
@@ -219,7 +219,7 @@ class NewFile:
         """Discard what was written."""
         if not self._ended:
             self._ended = True
-            with suppress(OSError):  # of a full disk, for what is still to be flushed
+            with suppress(OSError):  # on a full disk, for data not yet flushed
                 self.stream.close()
             self._part.unlink(missing_ok=True)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 def is_writable(folder: Path) -> bool:
-    """Whether files can be made in a folder; it is made if it is missing."""
+    """Whether files can be created in a folder; it is created if missing."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):

@@ -17,7 +17,7 @@ from typing import Any, BinaryIO
 from depth_pose.core.errors import ConfigError, DepthPoseError, InputError
 
 MOST_SETTINGS_BYTES = 1 << 20
-"""Largest file of settings, cameras or a build, bytes: a hundred times one of 100 cameras. Set by hand."""
+"""Size limit of settings, rig and build files (bytes): a hundred times a rig of 100 cameras. Set by hand."""
 
 MOST_VALUES = 20_000
 """Maximum number of values of a YAML file, with aliases expanded; one of 100 cameras has 4,000. Set by
@@ -74,7 +74,7 @@ def read_text(path: Path | str, most_bytes: int = MOST_SETTINGS_BYTES, errors: s
     most_bytes : int
         A larger file is refused.
     errors : str
-        As for ``bytes.decode``: ``strict``, or ``replace`` where wrong characters do no harm.
+        As for ``bytes.decode``: ``strict``, or ``replace`` if wrong characters are harmless.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def parse_yaml(path: Path | str, text: str) -> Any:
             is_alias, mark = self.check_event(yaml.AliasEvent), self.peek_event().start_mark
             node = super().compose_node(parent, index)
             if is_alias and id(node) not in sizes:
-                raise yaml.composer.ComposerError(None, None, "an alias stands for what it is part of", mark)
+                raise yaml.composer.ComposerError(None, None, "an alias refers to its own ancestor", mark)
             inside = node.value if isinstance(node, yaml.CollectionNode) else ()
             parts = [part for value in inside for part in (value if isinstance(value, tuple) else (value,))]
             sizes[id(node)] = 1 + sum(sizes[id(part)] for part in parts)

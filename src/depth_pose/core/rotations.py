@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 R_CAMERA_FACING_MODEL: Array = np.diag([1.0, -1.0, -1.0])
-"""``R_camera_model`` of somebody upright who faces a level camera.
+"""``R_camera_model`` of an upright person facing a level camera.
 
 The model's y is up and its z forward, out of the chest; the camera's y is down and its z away from it.
 """

@@ -112,13 +112,13 @@ MIRROR_JOINTS: NDArray[np.int64] = np.array([JOINT_INDEX[_mirror_name(name)] for
 """Index of each joint's mirror image, shape (19,)."""
 
 LANDMARKS: tuple[str, ...] = (*JOINTS, "left_heel", "right_heel")
-"""What the joint net measures: the joints, and the backs of the heels, where the skin is rearmost."""
+"""Landmarks that the joint net measures: the joints, and the rearmost points of the heels."""
 
 MIRROR_LANDMARKS: NDArray[np.int64] = np.array([LANDMARKS.index(_mirror_name(n)) for n in LANDMARKS])
 """Index of each landmark's mirror image, shape (21,)."""
 
 Landmarks = NewType("Landmarks", np.ndarray[Any, np.dtype[np.float64]])
-"""Places (21, 3) of the `LANDMARKS`, metres. There are as many `NODES`, in another order."""
+"""Positions (21, 3) of the `LANDMARKS`, metres. There are as many `NODES`, in another order."""
 
 Nodes = NewType("Nodes", np.ndarray[Any, np.dtype[np.float64]])
 """Places (21, 3) of the body's `NODES`, metres."""
@@ -143,7 +143,7 @@ _MEASURED = np.array(
 def body_length(joints: NDArray[np.floating]) -> float:
     """Return the sum of the lengths of trunk, neck, thighs and shanks and the shoulder width, metres.
 
-    It tells a person's size whatever their pose; ``joints`` are (19, 3), metres.
+    The sum measures a person's size in any pose; ``joints`` are (19, 3), metres.
     """
     start, end = _MEASURED
     return float(np.linalg.norm(joints[end] - joints[start], axis=1).sum())
@@ -159,7 +159,7 @@ class JointState(IntEnum):
 
 
 class Source(IntEnum):
-    """What a skeleton came from; the values are those of ``depth_pose_msgs/Skeleton``."""
+    """Source of a skeleton; the values are those of ``depth_pose_msgs/Skeleton``."""
 
     MATCHED = 0
     REFINED = 1

@@ -174,7 +174,7 @@ class Worker:
         context = get_context("spawn")
         self.pipe, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(function, theirs), daemon=True)
-        # Ctrl-C goes to all processes of a terminal; the first one decides. What is blocked is inherited
+        # Ctrl-C goes to all processes of a terminal; the first one decides. Blocked signals are inherited
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             self.process.start()
@@ -273,7 +273,7 @@ def _serve(function: Callable[..., Any], pipe: connection.Connection) -> None:
         try:
             pipe.send((1.0, outcome))
         except (TypeError, AttributeError, PicklingError) as error:
-            pipe.send((1.0, (None, InputError(f"what came of it cannot be sent: {error}: {outcome}"))))
+            pipe.send((1.0, (None, InputError(f"its result cannot be sent: {error}: {outcome}"))))
 
 
 def _end_with_parent() -> None:

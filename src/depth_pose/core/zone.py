@@ -1,4 +1,4 @@
-"""The zone in which people count: a range of distances from the sensor, or a box in its frame."""
+"""The zone that limits the people: a range of distances from the sensor, or a box in its frame."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ _FOREIGN: tuple[tuple[bytes, str, str], ...] = (
     (b"\xfd7zXZ", "packed with xz", "unpack it first: unxz FILE"),
     (b"PK\x03\x04", "a zip file", "unpack it first"),
     (b"\x89PNG", "one image", "give the folder of all images, with --intrinsics FX,FY,CX,CY"),
-    (b"\x93NUMPY", "one array", "give the folder of all of them, with --intrinsics FX,FY,CX,CY"),
+    (b"\x93NUMPY", "one array", "give the folder that holds all of them, with --intrinsics FX,FY,CX,CY"),
     (b"ply", "one point cloud", "record clouds as PointCloud2 messages"),
     (b"# .PCD", "one point cloud", "record clouds as PointCloud2 messages"),
     (b"RIFF", "a colour video (.avi)", "depth is needed"),

@@ -125,7 +125,7 @@ def parse(kind: Any, body: bytes) -> Any:
 
 
 def spans(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Yield kind, and start and end of the content, of the records in some bytes."""
+    """Yield (opcode, start, end) for each record in a buffer."""
     at, size = 0, len(data)
     while at < size:
         if at + RECORD.size > size:
@@ -141,7 +141,7 @@ def spans(data: bytes) -> Iterator[tuple[int, int, int]]:
 
 
 def records(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield kind and content of the records in some bytes."""
+    """Yield (opcode, content) for each record in a buffer."""
     return ((kind, data[begin:end]) for kind, begin, end in spans(data))
 
 

@@ -106,7 +106,7 @@ def in_order(places: Iterable[Place], read: Callable[[Place], Iterable[RawMessag
 
 
 class DamageError(Exception):
-    """Unreadable data in a recording; the text is a reason that fits behind 'because'."""
+    """Unreadable data in a recording; the text completes a sentence after 'because'."""
 
 
 class RecordingFile(Protocol):

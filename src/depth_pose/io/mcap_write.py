@@ -36,7 +36,7 @@ class PartlyWritten(KeyboardInterrupt):
     """
 
     def __init__(self, path: Path) -> None:
-        super().__init__(f"what was written until then is in {path}")
+        super().__init__(f"the messages written before that are in {path}")
         self.path = path
 
 

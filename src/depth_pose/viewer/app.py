@@ -103,7 +103,7 @@ class Viewer:
         require("viser", "the viewer")
         import viser
 
-        with redirect_stdout(io.StringIO()), own_pages_only(host):  # viser prints its addresses, and so do we
+        with redirect_stdout(io.StringIO()), own_pages_only(host):  # printed by us
             self.server: Any = viser.ViserServer(host=host, port=port, label="depth_pose", verbose=False)
         self.source = source
         self.drawn = 0
@@ -206,7 +206,7 @@ class Viewer:
             self.drawn += 1
 
     def _shown(self, frame: ViewerFrame) -> tuple[Skeleton, ...]:
-        """Return the people to draw; live, the nodes choose."""
+        """Return the people to draw; live, they are chosen by the nodes."""
         if self._live is not None:
             return self._live.people(frame)
         return chosen(frame.skeletons or (), self._zone, self._most)
@@ -278,7 +278,7 @@ class Viewer:
 
         @speed.on_update
         def _(_: Any) -> None:
-            if speed.value in _SPEEDS:  # otherwise our page has not sent it
+            if speed.value in _SPEEDS:  # anything else was not sent by our page
                 playback.speed = float(speed.value)
 
         @step.on_click

@@ -19,7 +19,7 @@ _EYE_HEIGHT_M = 1.5
 """Height of the virtual sensor above the origin of a room without a rig (m); for readability."""
 
 _NO_IMAGE = Camera(1, 1, 1.0, 1.0, 0.0, 0.0)
-"""Camera of the empty image of frames without depth."""
+"""Camera of the empty depth image, for frames without depth."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,7 +37,7 @@ class Playback:
 
     @property
     def is_whole(self) -> bool:
-        """Whether all frames are there."""
+        """Whether all frames are loaded."""
         return self._is_whole
 
     def __len__(self) -> int:
@@ -60,7 +60,7 @@ class Playback:
             self._at_ns = self._stamps_ns[min(max(index, 0), len(self._stamps_ns) - 1)]
 
     def step(self, frames: int) -> None:
-        """Pause, and go some frames on, or back."""
+        """Pause, and step some frames forward or back."""
         self.playing = False
         self.seek(self.index + frames)
 

@@ -12,14 +12,14 @@ import time
 from typing import Any
 
 PATIENCE_S = 5.0
-"""A browser that takes longer is no longer waited for, until it answers: it may be asleep. Set by hand;
-one without a graphics card, on cores that are busy, takes two."""
+"""Maximum wait for a browser's answer (s); then it is ignored until it answers. Set by hand: without a
+graphics card, on busy cores, it takes 2 s."""
 
 _GIVE_UP_S = 60.0
 """Period of asking a silent browser again."""
 
 _AFTER_S = 0.03
-"""A question goes out this long after its frame: the frame waits for up to a sixtieth of a second."""
+"""Delay of the question after its frame (s), since the frame itself waits for up to 1/60 s."""
 
 
 class RateLimit:

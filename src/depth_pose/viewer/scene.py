@@ -60,7 +60,7 @@ class Scene:
     mesh_of : callable, optional
         Returns vertices (V, 3) and faces (F, 3) of a person's fitted body; without it no bodies are shown.
     room : KnownRoom, optional
-        Where the sensor stands, and all cameras; without it, the sensor alone is drawn.
+        Pose of the sensor, and all cameras; without it, only the sensor is drawn.
     """
 
     def __init__(
@@ -125,7 +125,7 @@ class Scene:
                 view.show_trail(self._trail(skeleton), self.wishes.trails)
 
     def settle(self) -> None:
-        """Make the browser redraw: it places names and new objects one picture late."""
+        """Make the browser redraw, because it places names and new objects one picture late."""
         self._is_odd = not self._is_odd
         self._cloud.point_size = _POINT_M * (1.0 + 1e-4 * self._is_odd)
 
@@ -134,7 +134,7 @@ class Scene:
         self._trails.clear()
 
     def _trail(self, skeleton: Skeleton) -> list[Array]:
-        """Where the hands were within `_TRAIL_S`, (2, 3) each."""
+        """Positions of the hands within the last `_TRAIL_S`, (2, 3) each."""
         trail = self._trails.setdefault(skeleton.body_id, deque())
         if trail and not 0 <= skeleton.stamp_ns - trail[-1][0] < 5e8:
             trail.clear()

@@ -22,7 +22,7 @@ three people is answered in every third frame. Set by hand."""
 
 
 class Recent:
-    """The people answered a moment ago."""
+    """The people answered recently."""
 
     def __init__(self) -> None:
         self._last: dict[str, Skeleton] = {}

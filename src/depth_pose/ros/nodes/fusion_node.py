@@ -1,7 +1,7 @@
 """Node: skeletons of several cameras -> ``/depth_pose/room/skeletons``, ``markers`` and ``/tf`` of the room.
 
 Each camera has a suite of its own, on any host, whose skeletons are merged in the room's frame: one for each
-person, at the rate of the fastest camera. A camera that stops, lags or was moved is left out until it agrees
+person, at the rate of the fastest camera. A camera that stops, lags or was moved is excluded until it agrees
 again; ``/diagnostics`` reports it.
 """
 
@@ -44,7 +44,7 @@ SKELETONS = "depth_pose/skeletons"
 
 SETTINGS: tuple[Setting, ...] = (
     Setting("bank", "", "Exemplar bank of the suites, for rep155: its body; empty: the embedded body"),
-    Setting("rig", "", "Rig file: names and places of the cameras; empty: places by /tf_static"),
+    Setting("rig", "", "Rig file: names and poses of the cameras; empty: poses from /tf_static"),
     Setting("topics", [""], "Skeletons of each camera; by default /CAMERA/depth_pose/skeletons of the rig's"),
     Setting("room_frame", "room", "Frame of the merged skeletons: z up, the floor at z = 0"),
     Setting("tf", False, "Broadcast every joint on /tf"),
@@ -60,7 +60,7 @@ _REMIND_S = 10.0
 """Seconds between two reminders of cameras that have sent nothing; set by hand."""
 
 _FORGET_NS = 1_000_000_000
-"""Stamps that go back by more than this (ns) are a replay from the start; set by hand."""
+"""A jump back of the stamps by more than this (ns) is a replay from the start; set by hand."""
 
 
 class FusionNode(BankNode):
@@ -127,7 +127,7 @@ class FusionNode(BankNode):
         return [Input(SkeletonArray, topic) for topic in self._topics]
 
     def make_intake(self) -> CameraIntake:
-        """Take the cameras' messages as they come."""
+        """Receive the cameras' messages as they arrive."""
         return CameraIntake(self, SkeletonArray, self._topics)
 
     # Answering
@@ -161,7 +161,7 @@ class FusionNode(BankNode):
         self.stage.add(camera, stamp_ns, skeletons, self._now_s())
 
     def _is_new(self, stamp_ns: int) -> bool:
-        """Whether a stamp is later than that of the last answer, or a replay has begun again."""
+        """Whether a stamp is later than the last answer's, or a replay has restarted."""
         last_ns = self._answered_ns
         return last_ns is None or stamp_ns > last_ns or stamp_ns < last_ns - _FORGET_NS
 
@@ -180,7 +180,7 @@ class FusionNode(BankNode):
     # Watching
 
     def _look(self) -> None:
-        """Notice cameras that stopped, and publish where the cameras stand."""
+        """Detect cameras that stopped, and publish the cameras' poses."""
         if self.stage is None or not self.is_active:
             return
         self.stage.check(self._now_s())
@@ -197,7 +197,7 @@ class FusionNode(BankNode):
             self.get_logger().warning(line)
 
     def judge(self) -> tuple[bytes, str]:
-        """Return level and text: cameras that are left out or have no place, or as for every node."""
+        """Return level and text: excluded cameras and missing transforms, else those of every node."""
         level, words = super().judge()
         if self.stage is None or not self.is_active:
             return level, words
@@ -232,11 +232,11 @@ class FusionNode(BankNode):
 
 
 def _check_name(topic: str) -> None:
-    """Raise ConfigError where a text is no name of a topic."""
+    """Raise ConfigError if a text is not a valid topic name."""
     try:
         validate_topic_name(topic)
     except InvalidTopicNameException as error:
-        what = f"{topic!r} is no name of a topic; name all cameras' topics by the parameter topics"
+        what = f"{topic!r} is not a valid topic name; give all cameras' topics by the parameter topics"
         raise ConfigError(what) from error
 
 

@@ -48,7 +48,7 @@ class MatcherNode(BankNode):
         matches = self.stage.match(people)
         self._matches.publish(matches_to_msg(matches, people))
         self.statistics.values["people"] = len(matches)
-        self.statistics.values["people left out for want of time"] = self.stage.time_budget.left_out
+        self.statistics.values["people skipped for lack of time"] = self.stage.time_budget.left_out
         best = [m for m in matches if m.candidates][:1]
         for match in best:
             self.statistics.values["match_score"] = match.candidates[0].score

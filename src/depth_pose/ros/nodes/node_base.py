@@ -82,7 +82,7 @@ class StageNode(TopicNode, ABC):
     SETTINGS: ClassVar[tuple[Setting, ...]] = ()
 
     def __init__(self, name: str) -> None:
-        threadpool_limits(1)  # the processes share the cores; and the same order of sums as `PosePipeline`
+        threadpool_limits(1)  # the processes share the cores, and sums keep the order of `PosePipeline`
         super().__init__(name, self.SETTINGS, self.SECTIONS, self.CONFIG)
         self.busy = BusyTimes()
         self.stage: Any = None
@@ -124,9 +124,9 @@ class StageNode(TopicNode, ABC):
         Raises
         ------
         InputError, BankError, Drop
-            Where this frame has no answer.
+            If this frame has no answer.
         Deferred
-            Where it is kept; the subclass calls `process` with it later.
+            If the frame is deferred; the subclass calls `process` with it later.
         """
 
     def stamp_ns(self, *messages: Any) -> int:

@@ -1,6 +1,6 @@
 """Node: people's points and fitted bodies -> ``/depth_pose/skeletons``, ``skeleton``, ``markers``.
 
-``/depth_pose/alternatives`` has second answers, for people whose left and right cannot be told.
+``/depth_pose/alternatives`` has a second answer for each person whose left and right are ambiguous.
 """
 
 from __future__ import annotations

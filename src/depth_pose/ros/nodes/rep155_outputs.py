@@ -35,9 +35,8 @@ KEPT_NS = 3_000_000_000
 
 TRACKED_NS = 1_000_000_000
 """Time for which a person stays in ``tracked`` after a frame without them, nanoseconds. A client drops a body
-that is not in the list, and subscribes anew when it is listed again: without this pyhri lost and found people
-20 times in 4 s in a room where they hide each other. Busy nodes process people in turn: of three people, each
-is answered in every third frame. Set by hand.
+that is not listed and subscribes again when it returns. Busy nodes process people in turn, so each of three
+people is answered in every third frame. Set by hand.
 """
 
 KEY_POINTS: tuple[str, ...] = (
@@ -126,7 +125,7 @@ class Rep155Outputs:
             self._transforms.publish(frames)
 
     def _topics(self, body_id: str, skeleton: Skeleton) -> _BodyTopics:
-        """Open a person's topics, and publish their build when it has changed."""
+        """Open a person's topics, and publish the build when it changes."""
         if body_id not in self._bodies:
             self._bodies[body_id] = _BodyTopics(self._node, body_id, self._skeleton2d)
         topics = self._bodies[body_id]

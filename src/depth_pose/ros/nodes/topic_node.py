@@ -1,7 +1,7 @@
 """The topics of a node: publishers, subscriptions, bad messages, and its diagnostics once a second.
 
-No message ends a node: bad messages and unexpected errors are counted, logged now
-and then, and reported on ``/diagnostics``.
+No message ends a node: bad messages and unexpected errors are counted, logged at a limited rate, and reported
+on ``/diagnostics``.
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ class TopicNode(LifecycleNode, ABC):
             self.drop("error", f"{where}: {type(error).__name__}: {error}")
 
     def drop(self, reason: str, detail: str, count: int = 1) -> None:
-        """Count frames without an answer, and log them now and then."""
+        """Count frames without an answer, and log them at a limited rate."""
         self.statistics.drop(reason, count)
         last, before = self._logged.get(reason, (-1e9, 0))
         now, total = time.monotonic(), self.statistics.drops[reason]

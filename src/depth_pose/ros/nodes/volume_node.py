@@ -129,7 +129,7 @@ class VolumeNode(StageNode):
         for camera in pose.disregarded:
             self.statistics.counts[f"shows nobody: {self._rig.topics[camera]}"] += 1
             self.get_logger().warning(
-                f"{self._rig.topics[camera]} shows nobody while others do: it has no say",
+                f"{self._rig.topics[camera]} shows nobody while others do: it is ignored",
                 throttle_duration_sec=LOG_EVERY_S,
             )
         if pose.skeleton.is_lost or pose.tracked is None:
@@ -148,7 +148,7 @@ class VolumeNode(StageNode):
     # Diagnostics
 
     def judge(self) -> tuple[bytes, str]:
-        """Return level and text: missing parts of the rig, cameras without views, or as for every node."""
+        """Return level and text: missing parts of the rig, cameras without views, else the usual ones."""
         missing = ", ".join(self._source.missing()) if self._source is not None else ""
         if missing:
             self.get_logger().warning(f"waits for {missing}", throttle_duration_sec=LOG_EVERY_S)

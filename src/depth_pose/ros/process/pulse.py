@@ -27,7 +27,8 @@ Less than ``leaseDuration`` in ``fastdds.xml``, 5 s, by an announcement or two.
 """
 
 _SETTLED = 8
-"""Timely beats after which a process counts as running again, 2 s: an earlier restart would starve, too."""
+"""Number of timely beats (2 s) after which a process counts as running again: an earlier restart would starve
+as well."""
 
 _GOODBYE_S = 5.0
 """Seconds for an orderly end, after which the process kills itself. Set by hand."""

@@ -37,7 +37,7 @@ _END_S = 10.0
 
 
 class _Stop:
-    """Handler of `STOPS`: interrupts what runs, and remembers it.
+    """Handler of `STOPS`: interrupts the running code, and remembers the signal.
 
     Python drops exceptions that are raised in destructors and some callbacks.
     """
@@ -123,7 +123,7 @@ def _run(make: Callable[[], Any], args: Sequence[str] | None, stop: _Stop) -> in
         if args is None:
             faulthandler.dump_traceback_later(_END_S, exit=True)
         if node is not None:
-            if sys.exc_info()[0] is None:  # it was told to stop
+            if sys.exc_info()[0] is None:  # a stop was requested
                 with contextlib.suppress(OSError):  # nobody reads it
                     print(f"{node.get_name()} {DONE}", flush=True)
             with contextlib.suppress(Exception):

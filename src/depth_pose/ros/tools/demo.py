@@ -227,8 +227,7 @@ def run_demo(recording: Path | str | None = None, output: Path | str = Path("res
     Returns
     -------
     int
-        Exit code: 0 if every frame was answered or dropped for a stated reason, 1 if
-        there were no answers.
+        Exit code: 0 if there were answers, else 1.
     """
     from rich.console import Console
 
@@ -331,7 +330,7 @@ def _finish(console: Console, result: DemoResult, picture: Path, log: Path) -> N
     for line in result.damage:
         say(f"note: {line}")
     if result.answered < result.frames or result.restarts:
-        say(f"what the nodes said: {log}")
+        say(f"log of the nodes: {log}")
     if result.answered:
         say(f"skeletons: {result.skeletons}")
         save_overlay(result.recording, result.skeletons, picture, truth_path=known)

@@ -153,7 +153,7 @@ class _Heard:
 def watch_frame(frame: str, parent: str, every_s: float = 1.0) -> Iterator[Place | None]:
     """Yield the transform of a frame until SIGINT or SIGTERM; None while it is unknown.
 
-    The newest transform of each frame counts, as with tf2's time 0.
+    It uses the newest transform of each frame, as tf2 does for time 0.
 
     Raises
     ------

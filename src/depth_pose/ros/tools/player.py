@@ -38,7 +38,7 @@ lost. On a busy machine that takes longer: as long as the discovery took. Set by
 """
 
 _LONGEST_LOOK_S = 0.1
-"""Maximum seconds that one check for subscribers adds to these times: the machine may have stood still."""
+"""Maximum seconds that one check for subscribers adds to these times, in case the machine was paused."""
 
 _ACKNOWLEDGED_S = 5.0
 """Time limit for reliable subscribers to acknowledge the last messages, seconds. Set by hand."""
@@ -253,7 +253,7 @@ class Player:
     def _is_settled(self, took_s: float, changed_s: float) -> bool:
         """Whether subscribers will receive the first message: none has appeared for a while.
 
-        With required subscribers, as long as that took; else as long as discovery takes.
+        That is as long as finding the required subscribers took, else as long as discovery takes.
         """
         if self._wait_for or self._wait_count:
             return took_s - changed_s >= min(max(changed_s, _SETTLE_S), _MOST_SETTLE_S)

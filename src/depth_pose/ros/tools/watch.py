@@ -1,8 +1,7 @@
 """A viewer's subscriptions to running nodes: the newest depth, all skeletons, diagnostics.
 
-Messages are kept as bytes; only those that are shown are decoded. Subscriptions are reliable if
-their publishers are, as those of the nodes, and have short queues: publishers keep the last few messages, so
-none ever waits for a viewer.
+Messages are kept as bytes; only those that are shown are decoded. Subscriptions match each publisher's
+reliability and keep short queues, so a slow viewer never blocks a publisher.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Take the messages of several cameras as they come: each is a frame, and those that wait are one batch."""
+"""Receive the messages of several cameras as they arrive; all waiting messages form one batch."""
 
 from __future__ import annotations
 
@@ -75,12 +75,12 @@ class CameraIntake:
         return self.arrivals > before
 
     def take_pending(self) -> tuple[Any, ...] | None:
-        """Return all that wait, once."""
+        """Return all waiting messages, once."""
         batch, self._pending = tuple(self._pending), []
         return batch or None
 
     def forget(self) -> None:
-        """Drop what waits."""
+        """Drop the waiting messages."""
         self._pending = []
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Frames in flight through the nodes: if time is short, no more are begun.
+"""Limit the number of frames in flight through the nodes.
 
 A frame that one node has processed and the next one drops, for a newer frame, is wasted time.
 """
@@ -13,10 +13,11 @@ MOST = 3
 """Maximum number of frames in flight; 2 are as good on two cores, and keep fewer cores busy on more."""
 
 LONGEST_S = 0.2
-"""Seconds after which the next one is begun anyway: an answer may never arrive. Set by hand."""
+"""Seconds after which the next frame begins anyway, since an answer may never arrive. Set by hand."""
 
 QUIET_S = 1.0
-"""Seconds without any answer after which none is waited for: the recovery node may be paused. Set by hand."""
+"""Seconds without any answer after which frames no longer wait, since the recovery node may be paused. Set by
+hand."""
 
 
 class FramesInFlight:

@@ -26,8 +26,8 @@ RELIABLE_DEPTH = 4
 """Queue length for a reliable sensor: resent frames arrive with the next. The newest is answered."""
 
 _SAME_PUBLISHER = 5
-"""This many messages with increasing numbers come from one publisher, even if others are listed: a killed
-driver stays listed for 20 s. Set by hand."""
+"""Number of messages with increasing numbers that prove a single publisher, since a killed driver stays
+listed for 20 s. Set by hand."""
 
 NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 """No event callbacks: each makes every wait of the executor longer, and nodes report problems themselves."""
@@ -66,10 +66,10 @@ class FrameConsumer(Protocol):
     is_active : bool
         Whether frames are answered.
     busy : BusyTimes
-        Times when it was busy with a frame.
+        Intervals in which it was busy with a frame.
     create_subscription, destroy_subscription, resolve_topic_name, count_publishers, get_logger
     get_publishers_info_by_topic
-        As in every node of rclpy.
+        Methods of rclpy's Node.
     """
 
     lossless: bool

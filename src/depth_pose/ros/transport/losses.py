@@ -19,7 +19,7 @@ _MOST_LOOKED_FOR = 1000
 
 
 def packet_loss_advice() -> str:
-    """Return the advice against lost frames: on one machine, more shared memory for the driver."""
+    """Return advice for lost frames (same host: a larger shared-memory segment)."""
     return (
         f"start the sensor's driver with {PROFILE_VARIABLE}={os.environ[PROFILE_VARIABLE]}, for larger "
         "segments of shared memory (on another machine: docs/topics.md, Two machines)"

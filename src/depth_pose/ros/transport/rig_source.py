@@ -125,7 +125,7 @@ class RigSource:
                 return
             try:
                 camera = camera_from_info(info.k, info.d, info.width, info.height, info.distortion_model)
-            except DepthPoseError as error:  # the next one may be better
+            except DepthPoseError as error:  # the next message may be valid
                 self._complain(f"CameraInfo of {topic}", error)
                 del self._infos[i]
                 return

@@ -1,4 +1,4 @@
-"""Where the cameras stand in the room: a rig file, or the transforms on ``/tf_static``."""
+"""Poses of the cameras in the room: from a rig file, or from the transforms on ``/tf_static``."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _SETTLE_S = 2.0
-"""Seconds for which transforms of others are waited for before a camera's is published; set by hand."""
+"""Seconds to wait for other publishers' transforms before a camera's is published; set by hand."""
 
 
 class RoomPoses:
-    """Poses of the cameras' optical frames in the room's.
+    """Poses of the cameras' optical frames in the room's frame.
 
-    Without a rig file they are those on ``/tf_static``. With one they are published there: the room becomes
-    the parent of the frame, or of the frame's root where a driver has published one, as a frame has one
-    parent. Nothing is published for frames that are connected to the room.
+    Without a rig file they are read from ``/tf_static``. With one they are published there: the room becomes
+    the parent of the optical frame or, if a driver has published a parent, of that tree's root. Nothing is
+    published for frames that are connected to the room.
 
     Parameters
     ----------
@@ -52,14 +52,14 @@ class RoomPoses:
             self._statics = Transforms(node, "the cameras' places", static=True)
 
     def find(self, camera: int, frame_id: str) -> Array | None:
-        """Return the pose (4, 4) of a camera, whose messages have a frame; None where it is not known."""
+        """Return the pose (4, 4) of a camera whose messages have the given frame; None if unknown."""
         if self._frames.get(camera, ("", 0.0))[0] != frame_id:
             self._frames[camera] = frame_id, time.monotonic()
         T = self._given[camera]
         return self._tree.find(self._room, frame_id) if T is None else T
 
     def missing(self) -> list[str]:
-        """Return the frames of cameras that nothing connects to the room."""
+        """Return the frames of cameras without a connection to the room."""
         return [
             frame
             for camera, (frame, _) in sorted(self._frames.items())

@@ -36,10 +36,10 @@ _TOGETHER_S, _DOZE_S = 0.001, 0.0002
 class ViewSetIntake:
     """The subscriptions of a node with several cameras.
 
-    With eight cameras at 60 images a second, receiving is a good part of the work: a wake-up of the
-    executor costs several times as much as an image. So one wake-up receives the images of all cameras,
-    and sleeps for a millisecond until the rest has arrived; messages are received as bytes; and the
-    timer that ends the wait for a late camera runs only during such a wait.
+    With eight cameras at 60 images a second, receiving takes much of the time: a wake-up of the executor
+    costs several times as much as an image. So one wake-up receives the images of all cameras, sleeping for a
+    millisecond until the rest arrives; messages are received as bytes; and the timer for late cameras runs
+    only during a wait.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ class ViewSetIntake:
         return None if views is None else (views,)
 
     def forget(self) -> None:
-        """Drop what waits."""
+        """Drop the waiting views."""
         self._pending = None
         self.synchroniser.clear()
 
