@@ -72,7 +72,7 @@ def stages_ms(frames: Sequence[DepthFrame], bank: str | None) -> dict[str, float
         return result
 
     for frame in frames:
-        people = timed("denoise", pipeline.extractor.extract, frame)
+        people = timed("denoise", pipeline.perception.perceive, frame)
         matches = timed("matcher", pipeline.matcher.match, people)
         refined = timed("refine", pipeline.refiner.refine, people, matches)
         timed("recovery", pipeline.recoverer.recover, people, refined)

@@ -9,11 +9,11 @@ import pytest
 
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.core.config import DenoiseConfig, SegmentConfig
-from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.evaluate.score2d import score_2d
 from depth_pose.evaluate.score_people import score_people
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.offline import process_recording
+from depth_pose.perception import Perception
 from depth_pose.pipeline import PosePipeline
 
 _PLACES = [parent / "shared" / "data" for parent in Path(__file__).resolve().parents]
@@ -46,10 +46,10 @@ def frames_of(path, count=None, step=1):
 def test_the_person_is_cut_out(name):
     """Their points fill the known bounding box's part of the frame, and nothing else."""
     truth = np.load(DATA / "dev" / f"{name}.npz")
-    extractor = PeopleExtractor(SegmentConfig(), DenoiseConfig())
+    perception = Perception(SegmentConfig(), DenoiseConfig())
     low, high = truth["box"][:3] - 0.1, truth["box"][3:] + 0.1
     for i, frame in enumerate(frames_of(DATA / "dev" / f"{name}.mcap", 3)):
-        (person,) = extractor.extract(frame).persons
+        (person,) = perception.perceive(frame).persons
         points = person.points
         assert len(points) > 500
         assert ((points > low) & (points < high)).all(axis=1).mean() > 0.97
@@ -100,5 +100,5 @@ def test_people_who_cross_are_told_apart(pipeline, tmp_path):
 def test_real_rooms_have_a_person():
     for name in ("real_itop", "real_kinect1"):
         for frame in frames_of(DATA / name / f"{name}.mcap"):
-            people = PeopleExtractor(SegmentConfig(), DenoiseConfig()).extract(frame)
+            people = Perception(SegmentConfig(), DenoiseConfig()).perceive(frame)
             assert max((len(p.points) for p in people.persons), default=0) > 500, (name, frame.stamp_ns)

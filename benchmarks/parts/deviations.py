@@ -28,11 +28,11 @@ from depth_pose.core.config import DenoiseConfig, MountConfig, SegmentConfig
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.core.types import DepthFrame
-from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.evaluate.overlay import project
 from depth_pose.evaluate.truth import load_known_people
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.motion.procedural.generator import CLIPS
+from depth_pose.perception import Perception
 from depth_pose.sim.clips import sample_clip
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.scene_noise import FAMILIES
@@ -56,9 +56,9 @@ FAR_PX = 0.35
 
 def found_in(path: Path) -> Iterator[tuple]:
     """Yield each frame with the people found in it who have proposals."""
-    extractor = PeopleExtractor(SegmentConfig(), DenoiseConfig(), MountConfig())
+    perception = Perception(SegmentConfig(), DenoiseConfig(), MountConfig())
     for frame in DepthReader(path):
-        people = extractor.extract(frame).persons
+        people = perception.perceive(frame).persons
         yield frame, [p.measured for p in people if p.measured is not None]
 
 
@@ -121,10 +121,10 @@ def in_rooms(family: str, number: int) -> Iterator[tuple[float, np.ndarray]]:
     """Yield distances, metres, and errors in deviations, (19, 2), of people in a furnished room."""
     rng = np.random.default_rng([SEED, FAMILIES.index(family), number])
     clip = sample_clip(rng, ROOM_FRAMES, ROOM_FPS, people=1 + number % 2, sensor=family)
-    extractor = PeopleExtractor(SegmentConfig(), DenoiseConfig(), MountConfig())
+    perception = Perception(SegmentConfig(), DenoiseConfig(), MountConfig())
     for t in range(ROOM_FRAMES):
         frame = DepthFrame(int(clip.stamps_ns[t]), "", clip.depth[t], clip.camera)
-        people = [p.measured for p in extractor.extract(frame).persons if p.measured is not None]
+        people = [p.measured for p in perception.perceive(frame).persons if p.measured is not None]
         for joints in clip.joints[t][clip.visible[t] > SHOWN]:
             gaps = [float(np.linalg.norm(p.places - joints, axis=1).mean()) for p in people]
             if gaps and min(gaps) < FAR_M:

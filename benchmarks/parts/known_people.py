@@ -15,10 +15,10 @@ from depth_pose.core.config import MatchConfig, PipelineConfig, RefineConfig
 from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import JOINT_NODES, JOINTS
 from depth_pose.core.types import PoseMatch
-from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.match.match import Matcher
+from depth_pose.perception import Perception
 from depth_pose.refine.refine import Refiner
 from depth_pose.stages import Shared
 from depth_pose.track.person_view import FramePeople
@@ -47,10 +47,10 @@ def load_recording(path: Path, step: int = 1) -> Recording:
     """Extract the person of every frame, and keep every ``step``-th."""
     truth = load_truth(path.with_suffix(".npz"))
     config = PipelineConfig()
-    extractor = PeopleExtractor(config.segment, config.denoise)
+    perception = Perception(config.segment, config.denoise)
     found, joints = [], []
     for i, frame in enumerate(DepthReader(path)):
-        people = extractor.extract(frame)
+        people = perception.perceive(frame)
         if i % step == 0:
             known = truth.joints[int(np.argmin(np.abs(truth.stamps_ns - frame.stamp_ns)))]
             found.append(_nearest(people, known))

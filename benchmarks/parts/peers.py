@@ -34,9 +34,9 @@ from depth_pose.core.open3d import load_open3d
 from depth_pose.core.skeleton import JOINT_NODES
 from depth_pose.core.types import DepthFrame
 from depth_pose.denoise.denoise import denoise_depth
-from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.detect.plane_segmenter import PlaneSegmenter
 from depth_pose.match.search import SubspaceSearch
+from depth_pose.perception import Perception
 from depth_pose.refine.body_fitter import BodyFitter
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
@@ -166,10 +166,10 @@ def compare_search(bank: Bank, made: list[Scene]) -> list[Peer]:
     def brute(point: np.ndarray) -> np.ndarray:
         return np.argpartition(squares - 2.0 * (table @ point), _NEAREST)[:_NEAREST]
 
-    extractor = PeopleExtractor(SegmentConfig(), DenoiseConfig())
+    perception = Perception(SegmentConfig(), DenoiseConfig())
     watches, same = [_Stopwatch() for _ in range(3)], 0
     for scene in made:
-        (person,) = extractor.extract(scene.frame).persons
+        (person,) = perception.perceive(scene.frame).persons
         axes = AXES[bank.view_scheme](person.points)[0]
         descriptor = describe(person.points, axes, 1.0).astype(np.float32)
         point = bank.components @ (descriptor - bank.mean)
@@ -190,8 +190,8 @@ def compare_search(bank: Bank, made: list[Scene]) -> list[Peer]:
 def compare_fits(bank: Bank, made: list[Scene]) -> list[Peer]:
     """Fit from the matcher's best exemplar, articulated and rigid."""
     body, normals = bank.body, bank.body.normals
-    extractor, matcher = (
-        PeopleExtractor(SegmentConfig(), DenoiseConfig()),
+    perception, matcher = (
+        Perception(SegmentConfig(), DenoiseConfig()),
         make_matcher(bank, MatchConfig(search_every=1)),
     )
     fitter, watches = BodyFitter(body, FittingConfig()), [_Stopwatch(), _Stopwatch()]
@@ -200,7 +200,7 @@ def compare_fits(bank: Bank, made: list[Scene]) -> list[Peer]:
     estimate = o3d.pipelines.registration.TransformationEstimationPointToPlane()
     criteria = o3d.pipelines.registration.ICPConvergenceCriteria(max_iteration=_ICP_ITERATIONS)
     for scene in made:
-        people = extractor.extract(scene.frame)
+        people = perception.perceive(scene.frame)
         (person,), (match,) = people.persons, matcher.match(people)
         start = bank.pose(match.candidates[0], match.scale)
         posed = body.pose(start.rotations, start.root, start.scale)

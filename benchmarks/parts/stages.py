@@ -2,23 +2,27 @@
 
 A table in Markdown: milliseconds a frame, the median and in brackets the 10th and 90th percentile,
 once the first sizes are known; and the median while they are being found. ``finder`` is the learned people
-finder; ``denoise`` the rest of the first stage. A person's share is the sum divided by the number of people
-answered, the finder included.
+finder, ``joint net`` the net that measures joints, ``denoise`` the locally optimal projection, and ``tracks``
+the rest of the first stage: masks, ids, floor, views. A person's share is the sum divided by the number of
+people answered, the finder included.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from depth_pose import perception
 from depth_pose.bank import Bank
 from depth_pose.core.config import MatchConfig, PipelineConfig, RefineConfig
 from depth_pose.core.types import DepthFrame
-from depth_pose.detect.finder import FinderResult, PeopleFinder
+from depth_pose.denoise.denoise import denoise_points
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.pipeline import PosePipeline
 from depth_pose.sim.clips import sample_clip, write_clip
@@ -27,7 +31,7 @@ from depth_pose.sim.motion import load_motion
 from depth_pose.sim.sensor import SENSORS
 from depth_pose.sim.simulate import Stage, simulate
 
-STAGES = ("finder", "denoise", "matcher", "refine", "recovery")
+STAGES = ("finder", "joint net", "denoise", "tracks", "matcher", "refine", "recovery")
 METHODS = ("articulated", "cpd")
 SECONDS = 3.0
 """Of each clip."""
@@ -47,7 +51,7 @@ class StageTimes:
     Attributes
     ----------
     images, method : str
-    times : (T, 5) float64
+    times : (T, 7) float64
         Milliseconds, in the order of `STAGES`.
     people : (T,) int
         Number of people answered.
@@ -92,46 +96,62 @@ def simulated_rooms(folder: Path) -> list[Path]:
     return paths
 
 
-class TimedFinder:
-    """A people finder that records its processor time, seconds."""
+class Timed:
+    """A function that sums its processor time, seconds."""
 
-    def __init__(self, finder: PeopleFinder) -> None:
-        self._finder = finder
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function = function
         self.seconds = 0.0
 
-    def find(self, frame: DepthFrame, turns: int = 0) -> FinderResult:
-        """Find people, and record the processor time."""
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the function."""
         begin = time.thread_time()
-        found = self._finder.find(frame, turns)
+        result = self._function(*arguments)
         self.seconds += time.thread_time() - begin
-        return found
+        return result
+
+
+@contextmanager
+def timed_parts(pipeline: PosePipeline) -> Iterator[tuple[Timed, ...]]:
+    """Time the finder, the joint net and the denoising of the first stage."""
+    segmenter = pipeline.perception.segmenter
+    finder, net = segmenter.candidates.finder, segmenter.joint_net
+    parts = Timed(finder.find), Timed(net.look), Timed(perception.denoise_points)
+    finder.find, net.look, perception.denoise_points = parts
+    try:
+        yield parts
+    finally:
+        del finder.find, net.look
+        perception.denoise_points = denoise_points
 
 
 def measure(pipeline: PosePipeline, frames: list[DepthFrame]) -> tuple[np.ndarray, np.ndarray]:
-    """Measure each stage on each frame, (T, 5), milliseconds of processor time, and people answered, (T,)."""
+    """Measure each stage on each frame, (T, 7), milliseconds of processor time, and people answered, (T,)."""
     pipeline.reset()
-    candidates = pipeline.extractor.segmenter.candidates
-    finder = candidates.finder
-    timed = candidates.finder = TimedFinder(finder)
     times, people = np.empty((len(frames), len(STAGES))), np.empty(len(frames), int)
-    for i, frame in enumerate(frames):
-        times[i], people[i] = _measure_frame(pipeline, frame, timed)
-    candidates.finder = finder
+    with timed_parts(pipeline) as parts:
+        for i, frame in enumerate(frames):
+            times[i], people[i] = _measure_frame(pipeline, frame, parts)
     return times, people
 
 
-def _measure_frame(pipeline: PosePipeline, frame: DepthFrame, finder: TimedFinder) -> tuple[np.ndarray, int]:
-    finder.seconds = 0.0  # not every frame is searched
+def _measure_frame(
+    pipeline: PosePipeline, frame: DepthFrame, parts: Sequence[Timed]
+) -> tuple[np.ndarray, int]:
+    for part in parts:  # not every frame is searched
+        part.seconds = 0.0
     marks = [time.thread_time()]
-    people = pipeline.extractor.extract(frame)
-    marks += [marks[0] + finder.seconds, time.thread_time()]
+    people = pipeline.perception.perceive(frame)
+    marks.append(time.thread_time())
     matches = pipeline.matcher.match(people)
     marks.append(time.thread_time())
     refined = pipeline.refiner.refine(people, matches)
     marks.append(time.thread_time())
     answers = pipeline.recoverer.recover(people, refined)
     marks.append(time.thread_time())
-    return 1e3 * np.diff(marks), len(answers)
+    first, *others = np.diff(marks)
+    seconds = [part.seconds for part in parts]
+    return 1e3 * np.array([*seconds, first - sum(seconds), *others]), len(answers)
 
 
 def measure_all(bank: Bank, recordings: Sequence[Path], methods: Sequence[str] = METHODS) -> list[StageTimes]:

@@ -16,7 +16,7 @@ from depth_pose.body.pose import Fitted
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.mount import rotate_to_sensor, rotate_upright
 from depth_pose.core.types import DepthFrame, PoseMatch, Skeleton
-from depth_pose.denoise.extract import PeopleExtractor
+from depth_pose.perception import Perception
 from depth_pose.stages import Shared
 from depth_pose.track.follow import Follower
 from depth_pose.track.person_view import FramePeople
@@ -63,19 +63,19 @@ class PosePipeline:
         self._orientation = UpsideDownWatch(config.segment)
         shared = Shared(bank, config)
         self._subjects = shared.subjects
-        self.extractor = PeopleExtractor(config.segment, config.denoise, config.mount, config.match)
+        self.perception = Perception(config.segment, config.denoise, config.mount, config.match)
         self.matcher = shared.make_matcher()
         self.refiner = shared.make_refiner()
         self.recoverer = shared.make_recoverer()
         self.follower = Follower(config.follow)
-        self._stages = (self.extractor, self.matcher, self.refiner, self.recoverer, self.follower)
+        self._stages = (self.perception, self.matcher, self.refiner, self.recoverer, self.follower)
 
     @_one_thread
     def process_frame(self, frame: DepthFrame) -> FrameResult:
         """Estimate the poses in one frame; pass the frames of a sequence in their order."""
         # Sec. 4: find the people, cut them out, modified LOP (eqs. 1 to 5), outliers
         shown = rotate_upright(frame, self._mount)
-        people = self.extractor.extract(shown)
+        people = self.perception.perceive(shown)
         self._orientation.look(shown, people)
         return self.answer(people)
 
@@ -111,7 +111,7 @@ class PosePipeline:
         `reset` uses no id twice.
         """
         self.reset()
-        self.extractor.restart()
+        self.perception.restart()
 
     @contextmanager
     def keeping_builds(self) -> Iterator[None]:

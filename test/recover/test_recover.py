@@ -321,7 +321,7 @@ def test_same_input_gives_the_same_bits(run) -> None:
 def test_who_is_hidden_for_a_frame_is_remembered_and_a_jump_in_time_starts_anew(run) -> None:
     stage = recoverer()
     recovered(stage, run[0].people, *run[0].refined)
-    nobody = PosePipeline(the_bank()).extractor.extract(empty_frame(1))
+    nobody = PosePipeline(the_bank()).perception.perceive(empty_frame(1))
     assert stage.recover(nobody, ()) == ()
     again = recovered(stage, run[2].people, scattered(*run[2].refined))
     assert again.source == Source.RECOVERED

@@ -56,7 +56,7 @@ def frame_messages(bank):
 
     stages = PosePipeline(bank)
     for frame in frames(4):
-        people = stages.extractor.extract(frame)
+        people = stages.perception.perceive(frame)
         matches = stages.matcher.match(people)
         fitted = stages.refiner.refine(people, matches)
         skeletons = stages.recoverer.recover(people, fitted)

@@ -17,8 +17,8 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, Poi
 
 from depth_pose.core.config import DenoiseConfig, SegmentConfig
 from depth_pose.core.types import PERSON
-from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.detect.sample_frame import sample_frame
+from depth_pose.perception import Perception
 from depth_pose.ros.messages.basics import make_header, ns_to_stamp, stamp_to_ns
 from depth_pose.ros.messages.frames import image_to_frame, msg_to_frame
 from depth_pose.ros.messages.people import POINT_DTYPE
@@ -108,9 +108,9 @@ def test_bad_frames_are_counted_and_good_ones_answered(start, peer, frames):
     peer.ask(lambda: infos.publish(info_msg(frames[1])), lambda: answers, what="the frame that waited")
     held_ns = stamp_to_ns(answers[0].header.stamp)
     held = (held_ns - start_ns) // 40_000_000
-    extractor = PeopleExtractor(SegmentConfig(), DenoiseConfig())
+    perception = Perception(SegmentConfig(), DenoiseConfig())
     message = at(image_msg(frames[held % 2]), held_ns)
-    expected = extractor.extract(image_to_frame(message, info_msg(frames[1])))
+    expected = perception.perceive(image_to_frame(message, info_msg(frames[1])))
     assert np.count_nonzero(expected.labels == PERSON) > 300
     assert_same_cloud(answers[0], expected)
 
@@ -168,7 +168,7 @@ def test_bad_frames_are_counted_and_good_ones_answered(start, peer, frames):
     back = answer_to(peer, answers, lambda: images.publish(first), frames[0].stamp_ns, process)
     assert_same_cloud(
         back,
-        PeopleExtractor(SegmentConfig(), DenoiseConfig()).extract(image_to_frame(first, info_msg(frames[0]))),
+        Perception(SegmentConfig(), DenoiseConfig()).perceive(image_to_frame(first, info_msg(frames[0]))),
     )
     assert process.process.poll() is None
 
@@ -201,8 +201,8 @@ def test_clouds_are_taken(start, peer, frames, organised):
         data=points.tobytes(),
     )
     peer.ask(lambda: clouds.publish(msg), lambda: answers, what="the answer")
-    extractor = PeopleExtractor(SegmentConfig(), DenoiseConfig())
-    assert_same_cloud(answers[0], extractor.extract(msg_to_frame(msg)))
+    perception = Perception(SegmentConfig(), DenoiseConfig())
+    assert_same_cloud(answers[0], perception.perceive(msg_to_frame(msg)))
     person = points_of(answers[0])
     assert np.nanmedian(person[..., 2]) == pytest.approx(3.2, abs=0.3)
 
@@ -290,7 +290,7 @@ def test_compressed_depth_gives_the_same_cloud(start, peer, frames):
         images.publish(image)
 
     peer.ask(show, lambda: clouds, what="the cloud")
-    assert_same_cloud(clouds[0], PeopleExtractor(SegmentConfig(), DenoiseConfig()).extract(frames[0]))
+    assert_same_cloud(clouds[0], Perception(SegmentConfig(), DenoiseConfig()).perceive(frames[0]))
 
 
 def test_the_info_of_another_camera_is_not_used(start, peer, frames):
@@ -312,7 +312,7 @@ def test_the_info_of_another_camera_is_not_used(start, peer, frames):
         images.publish(at(image_msg(frame), next(stamps)))
 
     peer.ask(send, lambda: len(answers) >= 3, what=lambda: f"answers:\n{process.output}\nthey")
-    expected = PeopleExtractor(SegmentConfig(), DenoiseConfig()).extract(
+    expected = Perception(SegmentConfig(), DenoiseConfig()).perceive(
         image_to_frame(image_msg(frame), info_msg(frame))
     )
     span = np.ptp(expected.points[expected.labels == PERSON], axis=0)[:2]

@@ -12,8 +12,8 @@ from depth_pose.bank import Bank
 from depth_pose.core.config import DenoiseConfig, PipelineConfig, RecoverConfig, SegmentConfig
 from depth_pose.core.skeleton import Source
 from depth_pose.core.types import PoseMatch as Match
-from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.io.mcap_read import read_frames
+from depth_pose.perception import Perception
 from depth_pose.pipeline import PosePipeline
 from depth_pose.ros.messages.basics import stamp_to_ns
 from depth_pose.ros.messages.matches import matches_to_msg, msg_to_matches
@@ -89,7 +89,7 @@ def test_frames_matched_with_another_bank_are_dropped(start, bank_path, peer):
     clouds = peer.publisher(PointCloud2, "/depth_pose/points")
     found = peer.publisher(People, "/depth_pose/people")
     matches = peer.publisher(PoseMatchArray, "/depth_pose/match")
-    people = PeopleExtractor(SegmentConfig(), DenoiseConfig()).extract(next(scene.frames(1)))
+    people = Perception(SegmentConfig(), DenoiseConfig()).perceive(next(scene.frames(1)))
     points, who = people_to_msgs(people)
     foreign = matches_to_msg([Match(p.body_id, "foreign", 1.0, ()) for p in people.persons], people)
     peer.ask(

@@ -41,7 +41,7 @@ def fitted(bank):
     pipeline = PosePipeline(bank)
     out = []
     for frame in scene.frames(6):
-        people = pipeline.extractor.extract(frame)
+        people = pipeline.perception.perceive(frame)
         out.append((people, pipeline.refiner.refine(people, pipeline.matcher.match(people))))
     return out
 

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import DenoiseConfig, MountConfig, SegmentConfig
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS
-from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.io.mcap_read import read_frames
+from depth_pose.perception import Perception
 
 Array = NDArray[np.float64]
 
@@ -53,12 +53,12 @@ class Looked:
 
 
 def _frames(path: Path, weights: Path | None, step: int) -> Iterator[tuple[Any, list[Any]]]:
-    extractor = PeopleExtractor(SegmentConfig(), DenoiseConfig(), MountConfig())
+    perception = Perception(SegmentConfig(), DenoiseConfig(), MountConfig())
     if weights is not None:
-        extractor.segmenter = LearnedSegmenter(SegmentConfig(), weights)
+        perception.segmenter = LearnedSegmenter(SegmentConfig(), weights)
     for k, frame in enumerate(read_frames(path)):
         if k % step == 0:
-            people = extractor.extract(frame).persons
+            people = perception.perceive(frame).persons
             yield frame, [p.measured for p in people if p.measured is not None]
 
 

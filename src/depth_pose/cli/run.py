@@ -266,7 +266,7 @@ def _run_one(
         facts.append(("found, not answered", f"{pipeline.unanswered} frames: no plausible pose"))
     if pipeline.recoverer.doubtful:
         facts.append(("found, pose doubtful", f"{pipeline.recoverer.doubtful} detections that no body fits"))
-    facts += [(reason, f"{n} ignored") for reason, n in pipeline.extractor.rejected_counts.items() if n]
+    facts += [(reason, f"{n} ignored") for reason, n in pipeline.perception.rejected_counts.items() if n]
     if summary.dropped:
         facts.append(("dropped", str(summary.dropped)))
     if summary.gain is not None:

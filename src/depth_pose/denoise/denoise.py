@@ -33,6 +33,27 @@ from depth_pose.core.config import DenoiseConfig
 from depth_pose.denoise import _denoise_kernels as kernels
 
 
+def denoise_points(depth: NDArray[np.float32], camera: Camera, config: DenoiseConfig) -> NDArray[np.float32]:
+    """Return people's points, denoised along their viewing rays (Ye et al. eqs. 2 and 4).
+
+    Parameters
+    ----------
+    depth : (h, w) float32
+        Depth of people's pixels, metres; 0 elsewhere.
+    camera : Camera
+        Camera of the grid.
+    config : DenoiseConfig
+
+    Returns
+    -------
+    (h, w, 3) float32
+        Camera frame, metres; NaN where there was no depth and where a point was an outlier.
+    """
+    # Ye et al. eq. 2: x and y follow the depth along the pixel's ray
+    # Ye et al. eq. 4: also in further iterations, if `denoise.iterations` is above 1
+    return camera.back_project(denoise_depth(depth, camera, config))
+
+
 def denoise_depth(depth: NDArray[np.float32], camera: Camera, config: DenoiseConfig) -> NDArray[np.float32]:
     """Smooth the person's depth (Ye et al. eqs. 1 to 5) and drop isolated points.
 

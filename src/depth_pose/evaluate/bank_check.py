@@ -15,11 +15,11 @@ from depth_pose.core.config import MatchConfig, PipelineConfig
 from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import JOINT_NODES
 from depth_pose.core.types import DepthFrame, PoseMatch
-from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.evaluate.bank_sheet import draw_depth
 from depth_pose.evaluate.pictures import plain_text, save_picture
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.match.match import match_confidence
+from depth_pose.perception import Perception
 from depth_pose.stages import Shared
 from depth_pose.track.person_view import FramePeople
 
@@ -93,11 +93,11 @@ def match_frames(
         Where the recording cannot be used or is empty.
     """
     config = PipelineConfig()
-    extractor = PeopleExtractor(config.segment, config.denoise)
+    perception = Perception(config.segment, config.denoise)
     matcher = Shared(bank, PipelineConfig(match=MatchConfig(keep=candidates, search_every=1))).make_matcher()
     found = []
     for number, frame, shown in _near_chosen(DepthReader(recording, depth_topic), frames):
-        people = extractor.extract(frame)
+        people = perception.perceive(frame)
         matches = matcher.match(people)
         if shown:
             found.append(MatchedFrame(number, people, matches))

@@ -1,6 +1,6 @@
 """Convert the images of a rig at one time: silhouettes to a hull, or depth to surfaces.
 
-People are cut out of depth images by the first stage of the main method (`depth_pose.denoise.extract`), live
+People are cut out of depth images by the first stage of the main method (`depth_pose.perception`), live
 and offline alike, unless ``views.cut_out`` is off.
 """
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.types import DepthFrame
-from depth_pose.denoise.extract import PeopleExtractor
+from depth_pose.perception import Perception
 from depth_pose.rooms.rig import RigCamera, check_images
 from depth_pose.volume.config import SpaceConfig, VolumeConfig
 from depth_pose.volume.hull import LEAST_VIEWS, HullCarver, SurfaceVoxels, Volume
@@ -61,8 +61,8 @@ class DepthEyes:
         if not cameras:
             raise ConfigError("a model of depth needs at least one camera")
         self.cameras, self._voxels = tuple(cameras), SurfaceVoxels(config.space)
-        self._extractors = (
-            [PeopleExtractor(config.segment, config.denoise) for _ in cameras] if config.views.cut_out else []
+        self._perceptions = (
+            [Perception(config.segment, config.denoise) for _ in cameras] if config.views.cut_out else []
         )
 
     def see(self, views: ViewSet) -> tuple[Volume, tuple[int, ...]]:
@@ -80,21 +80,21 @@ class DepthEyes:
     def _points(self, index: int, depth: NDArray[np.float32], stamp_ns: int) -> NDArray[np.float64]:
         """Find the points (N, 3), world frame, of the most visible person in one camera's image."""
         rig = self.cameras[index]
-        if not self._extractors:
+        if not self._perceptions:
             return rig.points_world(depth)
-        people = self._extractors[index].extract(DepthFrame(stamp_ns, rig.name, depth, rig.camera))
+        people = self._perceptions[index].perceive(DepthFrame(stamp_ns, rig.name, depth, rig.camera))
         most = max((p.points for p in people.persons), key=len, default=np.zeros((0, 3)))
         return rig.to_world(most)
 
     def reset(self) -> None:
         """Forget the person in each camera's images."""
-        for extractor in self._extractors:
-            extractor.reset()
+        for perception in self._perceptions:
+            perception.reset()
 
     def warm_up(self) -> None:
         """Compile every kernel."""
-        for extractor in self._extractors[:1]:
-            extractor.warm_up()
+        for perception in self._perceptions[:1]:
+            perception.warm_up()
         blank = self.cameras[0].camera
         self._voxels.see(self.cameras[0].points_world(np.ones((blank.height, blank.width))), np.zeros(3))
 

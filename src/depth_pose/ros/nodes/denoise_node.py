@@ -16,12 +16,12 @@ from depth_pose.core.config import PipelineConfig
 from depth_pose.core.mount import rotate_upright
 from depth_pose.core.printable import printable
 from depth_pose.core.types import DepthFrame
-from depth_pose.denoise.extract import PeopleExtractor
 from depth_pose.io import clouds, compressed
 from depth_pose.io.calibration import is_rectified
 from depth_pose.io.camera_infos import CameraInfos
 from depth_pose.io.compressed import TOPIC_ENDING
 from depth_pose.io.depth_unit import UnitWatch, unit_of
+from depth_pose.perception import Perception
 from depth_pose.ros.messages import people
 from depth_pose.ros.messages.basics import first_stamp_ns, stamp_to_ns
 from depth_pose.ros.messages.frames import image_to_frame, msg_to_frame
@@ -72,10 +72,10 @@ class DenoiseNode(StageNode):
         people.warm_up()
         super().prepare()
 
-    def make_stage(self, config: PipelineConfig) -> PeopleExtractor:
-        """Build the extractor."""
+    def make_stage(self, config: PipelineConfig) -> Perception:
+        """Build the first stage."""
         self._mounting = UpsideDownWatch(config.segment)
-        return PeopleExtractor(config.segment, config.denoise, config.mount, config.match)
+        return Perception(config.segment, config.denoise, config.mount, config.match)
 
     def open_outputs(self) -> None:
         """Create the publishers of people's points and ids."""
@@ -115,7 +115,7 @@ class DenoiseNode(StageNode):
         frame = self._frame(message)
         upright = rotate_upright(frame, self.config.mount)
         self._room.take_level(frame, self.stage.floor_finder)
-        found = self.stage.extract(upright)
+        found = self.stage.perceive(upright)
         points, names = people.people_to_msgs(found)
         self._points.publish(points)
         self._people.publish(names)

@@ -1,11 +1,12 @@
-"""People extraction: detect and denoise the points of all people in a depth image (Sec. 4)."""
+"""Everybody in a depth image: found, named, cut out and denoised (Sec. 4), prepared for all later steps."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import DenoiseConfig, MatchConfig, MountConfig, SegmentConfig
@@ -13,12 +14,12 @@ from depth_pose.core.mount import rotation_sensor_upright, up_direction
 from depth_pose.core.stamps import StampGuard
 from depth_pose.core.types import HIDDEN, DepthFrame, TrackedPerson
 from depth_pose.core.zone import parse_zone
-from depth_pose.denoise.denoise import denoise_depth
+from depth_pose.denoise.denoise import denoise_points
 from depth_pose.detect.floor import FloorFinder
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.detect.plane_segmenter import PlaneSegmenter
 from depth_pose.detect.sample_frame import sample_frame
-from depth_pose.detect.segmentation import Detection, Segmenter
+from depth_pose.detect.segmentation import Segmentation, Segmenter
 from depth_pose.track.choice import PeopleChoice
 from depth_pose.track.person_view import MIN_POINTS, NO_FLOOR, FramePeople, see_people
 from depth_pose.track.tracks import PeopleTracks
@@ -32,8 +33,8 @@ _METHODS: dict[str, Callable[[SegmentConfig], Segmenter]] = {
 }
 
 
-class PeopleExtractor:
-    """The first stage of the pipeline, run by `denoise_node`.
+class Perception:
+    """The first stage of the pipeline, run by `denoise_node`: finder, joint net, tracks, denoising, floor.
 
     Parameters
     ----------
@@ -42,7 +43,7 @@ class PeopleExtractor:
     mount : MountConfig
         Orientation of the frames, which are upright here, in the sensor; the zone is in the sensor's frame.
     match : MatchConfig
-        With method ``exemplars`` the second look's joints are withheld from all later stages.
+        With method ``exemplars`` measured joints are withheld from all later stages.
 
     Attributes
     ----------
@@ -95,21 +96,24 @@ class PeopleExtractor:
         self.floor_finder.find(sample_frame())
         self.floor_finder.reset()
         camera = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
-        depth = denoise_depth(np.full((48, 64), 2.0, np.float32), camera, self._denoise)
+        points = denoise_points(np.full((48, 64), 2.0, np.float32), camera, self._denoise)
         found = TrackedPerson(1, "", 1.0)
-        see_people(0, "", camera, camera.back_project(depth), np.ones((48, 64), np.uint8), [found])
+        see_people(0, "", camera, points, np.ones((48, 64), np.uint8), [found])
 
-    def extract(self, frame: DepthFrame) -> FramePeople:
-        """Detect people, assign ids, select among them, and denoise their points.
-
-        Denoising computes depths; x and y follow along each pixel's ray (Ye et al. eqs. 2 and 4).
-        """
+    def perceive(self, frame: DepthFrame) -> FramePeople:
+        """Find people, denoise their points, assign ids, select among them, and prepare a view of each."""
         if self._guard.is_break(frame.stamp_ns):
             self.reset()
         seen = self.segmenter.segment(frame)
-        depth = denoise_depth(seen.depth, seen.camera, self._denoise)
-        labels = np.where((seen.depth > 0) & (depth <= 0), np.uint8(HIDDEN), seen.labels)
-        names = self._tracks.assign(seen.detections, frame.stamp_ns)
+        points = denoise_points(seen.depth, seen.camera, self._denoise)
+        labels = np.where((seen.depth > 0) & np.isnan(points[..., 2]), np.uint8(HIDDEN), seen.labels)
+        people = self._name(seen, labels, frame.stamp_ns)
+        floor = self._find_floor(frame, [points[labels == person.label] for person in people])
+        return see_people(frame.stamp_ns, frame.frame_id, seen.camera, points, labels, people, floor)
+
+    def _name(self, seen: Segmentation, labels: NDArray[np.uint8], stamp_ns: int) -> list[TrackedPerson]:
+        """Return the chosen people with their ids; count the others."""
+        names = self._tracks.assign(seen.detections, stamp_ns)
         points_of = np.bincount(labels.ravel(), minlength=HIDDEN + 1)
         shown = [
             name if points_of[s.label] >= MIN_POINTS else None
@@ -120,20 +124,18 @@ class PeopleExtractor:
         self.rejected_counts["not sure enough"] += names.count(None)
         self.rejected_counts["too few points"] += shown.count(None) - names.count(None)
         self.rejected_counts.update(self.choice.left_out)
-        found = [
-            self._found(s, name) for s, name in zip(seen.detections, chosen, strict=True) if name is not None
+        return [
+            TrackedPerson(
+                s.label, name, self._tracks.probability(name), s.measured if self._with_joints else None
+            )
+            for s, name in zip(seen.detections, chosen, strict=True)
+            if name is not None
         ]
-        # Ye et al. eq. 2: x and y follow the depth along the pixel's ray
-        # Ye et al. eq. 4: also in further iterations, if `denoise.iterations` is above 1
-        points = seen.camera.back_project(depth)
+
+    def _find_floor(self, frame: DepthFrame, people: Sequence[NDArray[np.float32]]) -> NDArray[np.float64]:
+        """Search for the floor once a second; return its plane (4,), `NO_FLOOR` where it is unknown."""
         if self._searched_ns is None or frame.stamp_ns - self._searched_ns >= _FLOOR_EVERY_NS:
             self._searched_ns = frame.stamp_ns
-            self.floor_finder.update(frame, [points[labels == person.label] for person in found])
+            self.floor_finder.update(frame, people)
         floor = self.floor_finder.floor
-        plane = NO_FLOOR if floor is None else floor.plane
-        return see_people(frame.stamp_ns, frame.frame_id, seen.camera, points, labels, found, plane)
-
-    def _found(self, seen: Detection, name: str) -> TrackedPerson:
-        """Return a detection with its id, and without measured joints where they are not wanted."""
-        measured = seen.measured if self._with_joints else None
-        return TrackedPerson(seen.label, name, self._tracks.probability(name), measured)
+        return NO_FLOOR if floor is None else floor.plane

@@ -10,13 +10,13 @@ import pytest
 import synthetic as syn
 from depth_pose.core.config import DenoiseConfig, SegmentConfig
 from depth_pose.core.types import HIDDEN, PERSON
-from depth_pose.denoise.extract import PeopleExtractor
+from depth_pose.perception import Perception
 from depth_pose.track.person_view import MIN_POINTS
 
 
 @pytest.fixture
-def extractor():
-    return PeopleExtractor(SegmentConfig(), DenoiseConfig())
+def perception():
+    return Perception(SegmentConfig(), DenoiseConfig())
 
 
 @pytest.fixture(scope="module")
@@ -24,9 +24,9 @@ def person():
     return syn.draw(syn.mesh(syn.posed(syn.arms_down())))
 
 
-def test_points_lie_on_their_pixels_rays_and_near_the_surface(extractor, person):
+def test_points_lie_on_their_pixels_rays_and_near_the_surface(perception, person):
     frame = syn.to_frame(np.minimum(person, syn.room()), noise=0.005)
-    people = extractor.extract(frame)
+    people = perception.perceive(frame)
     assert (people.stamp_ns, people.frame_id) == (frame.stamp_ns, frame.frame_id)
     assert people.points.shape == (144, 176, 3)
     assert people.points.dtype == np.float32
@@ -41,13 +41,13 @@ def test_points_lie_on_their_pixels_rays_and_near_the_surface(extractor, person)
     assert mine.sum() > 0.93 * np.isfinite(person).sum()
 
 
-def test_who_it_is_and_the_working_grid_s_camera(extractor, person):
+def test_who_it_is_and_the_working_grid_s_camera(perception, person):
     """A large image is reduced to half; the people's camera is the reduced one, and fits the points."""
     c = syn.CAMERA
     camera = syn.Camera(2 * c.width, 2 * c.height, 2 * c.fx, 2 * c.fy, 2 * c.cx + 0.5, 2 * c.cy + 0.5)
     depth = np.repeat(np.repeat(np.minimum(person, syn.room()), 2, axis=0), 2, axis=1)
     for frame in (syn.to_frame(np.minimum(person, syn.room())), syn.to_frame(depth, camera=camera)):
-        people = extractor.extract(frame)
+        people = perception.perceive(frame)
         assert people.camera == pytest.approx(c)
         (found,) = people.persons
         assert (found.body_id, found.found.label, found.camera) == ("body_1", PERSON, people.camera)
@@ -57,10 +57,10 @@ def test_who_it_is_and_the_working_grid_s_camera(extractor, person):
         np.testing.assert_allclose(pixels, np.stack([columns, rows], axis=1), atol=1e-3)
 
 
-def test_dropped_points_are_unknown_not_free(extractor, person):
+def test_dropped_points_are_unknown_not_free(perception, person):
     """An outlier that denoising drops is neither the person nor known to be empty."""
     config = DenoiseConfig(outlier_distance=0.01)  # farther apart than neighbours can be
-    people = PeopleExtractor(SegmentConfig(), config).extract(syn.to_frame(np.minimum(person, syn.room())))
+    people = Perception(SegmentConfig(), config).perceive(syn.to_frame(np.minimum(person, syn.room())))
     inner = np.isfinite(person)
     inner[110:] = False
     assert people.persons == ()
@@ -68,21 +68,21 @@ def test_dropped_points_are_unknown_not_free(extractor, person):
     assert (people.labels[inner] == HIDDEN).mean() > 0.9
 
 
-def test_the_floor_is_found_and_kept(extractor, person):
+def test_the_floor_is_found_and_kept(perception, person):
     """From the first frame on, also while it is out of view; a reset forgets it."""
     frame = syn.to_frame(np.minimum(person, syn.room(floor=0.95)))
-    np.testing.assert_allclose(extractor.extract(frame).floor, [0.0, -1.0, 0.0, 0.95], atol=0.01)
+    np.testing.assert_allclose(perception.perceive(frame).floor, [0.0, -1.0, 0.0, 0.95], atol=0.01)
     alone = replace(syn.to_frame(person), stamp_ns=frame.stamp_ns + 30_000_000)
-    people = extractor.extract(alone)
+    people = perception.perceive(alone)
     np.testing.assert_allclose(people.floor, [0.0, -1.0, 0.0, 0.95], atol=0.01)
     for shown in people.persons:
         np.testing.assert_array_equal(shown.target(100).floor, people.floor)
-    extractor.reset()
-    assert not extractor.extract(alone).floor.any()
+    perception.reset()
+    assert not perception.perceive(alone).floor.any()
 
 
-def test_nobody(extractor):
-    people = extractor.extract(syn.to_frame(syn.room()))
+def test_nobody(perception):
+    people = perception.perceive(syn.to_frame(syn.room()))
     assert people.persons == ()
     assert not people.labels.any()
     assert np.isnan(people.points).all()
@@ -99,9 +99,9 @@ def test_people_are_named_anew_where_stamps_jump(person):
     """A child is followed while an adult comes in; not after a jump of the stamps."""
     alone, both = child_and_adult(person)
     for step_ns, same in ((syn.STEP_NS, True), (-syn.STEP_NS, False), (10**9, False)):
-        extractor = PeopleExtractor(SegmentConfig(), DenoiseConfig())
-        (first,) = extractor.extract(syn.to_frame(alone)).persons
-        later = extractor.extract(syn.to_frame(both, syn.START_NS + step_ns)).persons
+        perception = Perception(SegmentConfig(), DenoiseConfig())
+        (first,) = perception.perceive(syn.to_frame(alone)).persons
+        later = perception.perceive(syn.to_frame(both, syn.START_NS + step_ns)).persons
         names = {p.body_id: np.median(p.points[:, 0]) for p in later}
         assert len(names) == 2
         assert (first.body_id in names) == same
@@ -114,20 +114,20 @@ def test_planes_forget_the_person_where_stamps_jump(person):
     """The paper's way cuts one person out: the child who is followed, or the adult who is larger."""
     alone, both = child_and_adult(person)
     for step_ns, same in ((syn.STEP_NS, True), (-syn.STEP_NS, False), (10**9, False)):
-        extractor = PeopleExtractor(SegmentConfig(method="planes"), DenoiseConfig())
-        extractor.extract(syn.to_frame(alone))
-        people = extractor.extract(syn.to_frame(both, syn.START_NS + step_ns))
+        perception = Perception(SegmentConfig(method="planes"), DenoiseConfig())
+        perception.perceive(syn.to_frame(alone))
+        people = perception.perceive(syn.to_frame(both, syn.START_NS + step_ns))
         x = np.nanmedian(people.points[..., 0])
         assert bool(x < -0.5) == same
 
 
 def test_who_is_outside_the_zone_gets_no_points_of_their_own(person):
     frame = syn.to_frame(np.minimum(person, syn.room()))
-    (found,) = PeopleExtractor(SegmentConfig(zone="1:9"), DenoiseConfig()).extract(frame).persons
-    extractor = PeopleExtractor(SegmentConfig(zone=":1"), DenoiseConfig())
+    (found,) = Perception(SegmentConfig(zone="1:9"), DenoiseConfig()).perceive(frame).persons
+    perception = Perception(SegmentConfig(zone=":1"), DenoiseConfig())
     assert found.body_id == "body_1"
-    assert extractor.extract(frame).persons == ()
-    assert extractor.rejected_counts == {
+    assert perception.perceive(frame).persons == ()
+    assert perception.rejected_counts == {
         "outside the zone": 1,
         "beyond the most": 0,
         "too near or too far": 0,
@@ -138,35 +138,35 @@ def test_who_is_outside_the_zone_gets_no_points_of_their_own(person):
 
 def test_who_is_too_far_is_counted(person):
     frame = syn.to_frame(np.minimum(person, syn.room()))
-    extractor = PeopleExtractor(SegmentConfig(far=1.5), DenoiseConfig())
-    assert extractor.extract(frame).persons == ()
-    assert extractor.extract(replace(frame, stamp_ns=frame.stamp_ns + syn.STEP_NS)).persons == ()
-    assert extractor.rejected_counts["too near or too far"] == 2
+    perception = Perception(SegmentConfig(far=1.5), DenoiseConfig())
+    assert perception.perceive(frame).persons == ()
+    assert perception.perceive(replace(frame, stamp_ns=frame.stamp_ns + syn.STEP_NS)).persons == ()
+    assert perception.rejected_counts["too near or too far"] == 2
 
 
 def test_warm_up_and_reset_change_nothing(person):
     frame = syn.to_frame(np.minimum(person, syn.room()))
-    plain = PeopleExtractor(SegmentConfig(), DenoiseConfig())
-    warmed = PeopleExtractor(SegmentConfig(), DenoiseConfig())
+    plain = Perception(SegmentConfig(), DenoiseConfig())
+    warmed = Perception(SegmentConfig(), DenoiseConfig())
     warmed.warm_up()
-    a, b = plain.extract(frame), warmed.extract(frame)
+    a, b = plain.perceive(frame), warmed.perceive(frame)
     np.testing.assert_array_equal(a.points, b.points)
     warmed.reset()
-    np.testing.assert_array_equal(warmed.extract(frame).labels, a.labels)
+    np.testing.assert_array_equal(warmed.perceive(frame).labels, a.labels)
 
 
 def test_who_shows_too_little_takes_nobody_s_place(person):
     """Of most one, the nearest: an arm at the image's edge is not answered, who stands behind it is."""
     frame = syn.to_frame(np.minimum(person, syn.room()))
-    extractor = PeopleExtractor(SegmentConfig(most_people=1), DenoiseConfig())
-    seen = extractor.segmenter.segment(frame)
+    perception = Perception(SegmentConfig(most_people=1), DenoiseConfig())
+    seen = perception.segmenter.segment(frame)
     (detection,) = seen.detections
     labels = seen.labels.copy()
     rows, columns = np.nonzero(labels == detection.label)
     labels[rows[: MIN_POINTS // 2], columns[: MIN_POINTS // 2]] = 9
     arm = replace(detection, label=9, place=0.5 * detection.place)
-    extractor.segmenter.segment = lambda _: replace(seen, labels=labels, detections=(detection, arm))
-    people = extractor.extract(frame)
+    perception.segmenter.segment = lambda _: replace(seen, labels=labels, detections=(detection, arm))
+    people = perception.perceive(frame)
     assert [p.found.label for p in people.persons] == [detection.label]
-    assert extractor.rejected_counts["too few points"] == 1
-    assert extractor.rejected_counts["beyond the most"] == 0
+    assert perception.rejected_counts["too few points"] == 1
+    assert perception.rejected_counts["beyond the most"] == 0
