@@ -38,11 +38,11 @@ class Reader(Protocol):
 
     @property
     def warnings(self) -> Sequence[str]:
-        """What went wrong, one line each."""
+        """Problems, one line each."""
 
 
 class Method(Protocol):
-    """From frames to skeletons, for instance `depth_pose.pipeline.PosePipeline`."""
+    """A method from frames to skeletons, for instance `depth_pose.pipeline.PosePipeline`."""
 
     def reset(self) -> None:
         """Forget all earlier frames."""
@@ -78,7 +78,7 @@ class RunSummary:
     median_ms, p95_ms : float
         Time per frame in the pipeline, milliseconds; NaN without frames.
     warnings : tuple of str
-        One line for each thing that went wrong, with its count.
+        Problems, one line each with its count.
     gain : Gain or None
         What a second pass changed.
     """
@@ -133,7 +133,7 @@ def process_recording(
     markers : bool
         Whether to write standard markers as well, for viewers that do not support skeletons.
     second : SecondPass, optional
-        Plays the recording back, and joins the results of both passes.
+        Processes the recording backwards, and combines the results of both passes.
 
     Raises
     ------

@@ -1,8 +1,8 @@
 """Two passes over a recording: forward, which learns people's builds, and backward, with all builds known.
 
-The second pass plays the people of the first one back, as if time continued from the last frame: tracks,
-builds and poses continue, and what a later frame showed is known in an earlier one. `join` then chooses one
-path through both results of each person (Viterbi 1967): a frame costs its lack of confidence, a step its
+The second pass processes the people of the first one backwards, as if time continued from the last frame:
+tracks, builds and poses continue, so information from later frames reaches earlier ones. `join` then chooses
+one path through both results of each person (Viterbi 1967): a frame costs its lack of confidence, a step its
 movement. Where both results are close, their mean is taken: the low-pass filter lags behind in either
 direction, so the mean does not.
 """
@@ -35,7 +35,7 @@ _LEAST_CONFIDENCE = 0.01
 """Confidences are clipped to this, so that costs are finite."""
 
 _TURN_NS = 33_000_000
-"""Time (ns) from the last frame to itself when the recording turns; about one frame."""
+"""Time step (ns) at the turn, from the last frame to itself: about one frame."""
 
 
 @dataclass(frozen=True)
@@ -193,7 +193,7 @@ def join(
         both = [tuple(passed[n].get(body_id) for passed in named) for n in frames]
         for n, choice, pair in zip(frames, _path(both), both, strict=True):
             chosen, other = pair[choice], pair[1 - choice]
-            assert chosen is not None, "a path leads through answers"
+            assert chosen is not None, "the path uses frames with an answer"
             added += pair[0] is None
             replaced += choice == 1 and other is not None
             answers[n][body_id] = chosen if other is None else _mean(chosen, other)

@@ -23,7 +23,7 @@ from depth_pose.track.person_view import FramePeople
 from depth_pose.track.upside_down import UpsideDownWatch
 
 _one_thread = ThreadpoolController().wrap(limits=1)
-"""Small systems are no faster on more, and a single thread sums in the same order on any machine."""
+"""Threads for linear algebra: small systems gain nothing from more, and one keeps the order of sums."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class PosePipeline:
     def restart(self) -> None:
         """Forget all earlier frames and people's ids, as if new; counters continue.
 
-        `reset` uses no id twice.
+        In contrast, `reset` never reuses an id.
         """
         self.reset()
         self.perception.restart()

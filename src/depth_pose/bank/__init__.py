@@ -13,7 +13,7 @@ __all__ = ["Bank", "build_bank", "default_bank_path"]
 
 
 def __getattr__(name: str) -> Any:
-    """Import the builder, and SciPy with it, only for those who build."""
+    """Import the builder, and SciPy with it, on first use."""
     if name == "build_bank":
         from depth_pose.bank.build import build_bank
 

@@ -71,7 +71,7 @@ class Bank:
 
     @cached_property
     def bank_id(self) -> str:
-        """Hash of the content and of what the header says of it, 16 hexadecimal digits."""
+        """Hash of the content and of the header, 16 hexadecimal digits."""
         digest = self._digest()
         digest.update(json.dumps([self._about()], sort_keys=True).encode())
         return digest.hexdigest()[:16]
@@ -85,7 +85,7 @@ class Bank:
         return digest
 
     def _about(self) -> dict[str, Any]:
-        """Return what the header says."""
+        """Return the content of the header."""
         return {"body": {"name": self.body.name, "stature": float(self.body.stature)}, "source": self.source}
 
     @property
@@ -100,7 +100,7 @@ class Bank:
 
     @property
     def view_scheme(self) -> str:
-        """How its views were made, one of `BANK_SCHEMES`: inputs take the same axes."""
+        """Scheme of its views, one of `BANK_SCHEMES`: inputs use the same axes."""
         return str(self.source.get("views", "partial"))
 
     @cached_property
@@ -119,7 +119,7 @@ class Bank:
         return BodyPose(rotations, candidate.translation, scale)
 
     def rounded(self) -> Bank:
-        """Return the bank as its file gives it back."""
+        """Return the bank as it is read back from its file."""
         return replace(self, **_without_body(round_arrays(self._arrays())))
 
     def save(self, path: str | Path) -> None:

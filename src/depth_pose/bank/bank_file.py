@@ -41,7 +41,7 @@ BANK_SCHEMES = ("partial", "paper")
 """Those of `depth_pose.bank.views.SCHEMES` that banks are made with."""
 
 _LEAST_STATURE_M, _MOST_STATURE_M = 0.3, 3.0
-"""Bodies of a bank are between these heights; as `depth_pose.body.files` has it."""
+"""Minimum and maximum height of a bank's body (m), as in `depth_pose.body.files`."""
 
 _MOST_INT16 = 32767
 """Largest 16-bit integer: that of a quaternion's 1."""
@@ -124,12 +124,12 @@ def read_bank_file(path: Path) -> tuple[dict[str, Any], Arrays]:
 
 
 def round_arrays(arrays: Arrays) -> Arrays:
-    """Return a bank's arrays as a file gives them back; rounding them once more changes nothing."""
+    """Return a bank's arrays as they are read back from a file; rounding again changes nothing."""
     return _to_floats(_to_integers(arrays))
 
 
 def round_quats(quats: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
-    """Return quaternions, shape (..., 4), as a file gives them back."""
+    """Return quaternions, shape (..., 4), as they are read back from a file."""
     return _unit_quats(_quats_to_integers(quats))
 
 

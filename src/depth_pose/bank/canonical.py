@@ -23,10 +23,10 @@ HALF_WIDTH_M = 1.2
 """Half of the side that a descriptor image covers, metres of a person of scale 1."""
 
 DEPTH_LIMIT_M = 0.5
-"""Depths about the centroid are cut here, metres: about an arm's reach; set by hand, not swept."""
+"""Maximum depth relative to the centroid (m), about an arm's reach; set by hand, not swept."""
 
 FOREGROUND_LEVEL = 0.8
-"""What a cell at the centroid's depth is worth, so that the silhouette counts as well as depth; not swept."""
+"""Value of a cell at the centroid's depth, so that the silhouette counts as well as the depth; not swept."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def _axes(up: NDArray[np.float64], origin: NDArray[np.float64]) -> NDArray[np.fl
     toward = -origin / np.linalg.norm(origin)
     toward = toward - up * (up @ toward)
     length = np.linalg.norm(toward)
-    if length < 1e-3:  # seen along its longest axis: any direction will do, the same every time
+    if length < 1e-3:  # seen along its longest axis: choose any direction, but always the same
         toward = np.cross(up, [1.0, 0.0, 0.0])
         length = np.linalg.norm(toward)
     toward = toward / length

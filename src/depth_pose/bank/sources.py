@@ -32,7 +32,7 @@ class PoseSources:
     ----------
     poses : PoseSet
     reports : tuple of FileReport
-        What each file of recorded motion gave.
+        Report on each file of recorded motion.
     header : dict
         What the poses come from, for the bank's header.
     """

@@ -38,7 +38,7 @@ _RAY_SPACING = 0.028 / DISTANCE_M
 """Tangent of the angle between neighbouring rays."""
 
 _ELEVATIONS = np.radians([0, 8, 20, -10, 12, 4, 32, 50, 0, 8, 20, -15, 12, 32, 45, 60])
-"""Each pose is seen once from each; most sensors stand at chest height and look level."""
+"""Elevations of the views, each used once per pose: most sensors stand at chest height and look level."""
 
 _CAMERA_AXES = R_CAMERA_FACING_MODEL.copy()
 """Right, up and toward the camera, in the camera frame: the axes of somebody who faces it.

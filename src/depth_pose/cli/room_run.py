@@ -84,7 +84,7 @@ def _check(rig: Rig, rig_file: Path, recordings: Sequence[Path]) -> None:
 
 
 def _share_of(count: int, update: Callable[[int], None]) -> Callable[[int, float], None]:
-    """Return a listener that adds up the shares of several recordings, in hundredths."""
+    """Return a progress listener that sums the shares of several recordings, in percent."""
     shares = [0.0] * count
 
     def listen(index: int, share: float) -> None:

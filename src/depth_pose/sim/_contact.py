@@ -91,7 +91,7 @@ def _support_slope(skin: Array) -> float:
 def _heights(
     rng: np.random.Generator, skin: Array, build: Build, posture: str, raised: bool
 ) -> tuple[float, float]:
-    """Height of the seat or bed, and the body's rise from its pelvis at the origin."""
+    """Return the height of the seat or bed, and the height of the pelvis above the floor."""
     lowest = float(skin[:, 1].min())
     if posture == "lie":
         # Beds and sofas are 0.35 to 0.65 m high.

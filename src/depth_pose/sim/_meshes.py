@@ -121,7 +121,7 @@ def box(half: Array) -> Piece:
 
 
 def moved(piece: Piece, rotation: Array, origin: Array) -> Piece:
-    """Turn a mesh and bring its origin to a place."""
+    """Rotate and translate a mesh."""
     return piece[0] @ rotation.T + origin, piece[1]
 
 

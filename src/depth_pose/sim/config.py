@@ -43,7 +43,7 @@ class Placement(Checked):
     height: float = option(0.9, "The camera's height above the floor", unit="m", low=0.05, high=10.0)
     azimuth: float = option(
         0.0,
-        "Side that the camera sees: 0 the front, 90 the person's left, 180 the back",
+        "View azimuth: 0 front, 90 left, 180 back",
         unit="deg",
         low=-360.0,
         high=360.0,

@@ -92,7 +92,7 @@ def place_people(
 
 
 def _put_things(settled: Settled, spot: Spot, room: Room, at_table: bool) -> bool:
-    """Place what a person rests on, except a second table; return whether they rest on it."""
+    """Place a person's supports, except a second table; return whether the person rests on them."""
     things = settled.things[:1] if at_table else settled.things
     # a table may have no space, a seat must
     stand = [room.put(thing, *spot, crowded=0.0) for thing in things]

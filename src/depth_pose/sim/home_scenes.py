@@ -1,6 +1,6 @@
 """Random homes: dark clothes and sofas, pets, clutter, half-hidden people, four families of sensors.
 
-The scenes of `depth_pose.sim.scenes` with what people live with: materials that return no light
+The scenes of `depth_pose.sim.scenes` with the contents of homes: materials that return no light
 (`depth_pose.sim.materials`), 15 to 40 pieces of furniture with pets among them (`depth_pose.sim.homes`)
 people behind cloth, boards, tables and counters, who sit, lie, bend and kneel more often, in coats or skirts;
 cameras on robots and shelves too; active and passive stereo (`depth_pose.sim.home_sensors`).

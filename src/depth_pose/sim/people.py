@@ -34,7 +34,7 @@ __all__ = ["POSTURES", "Figure", "sample_figure"]
 Array = NDArray[np.float64]
 
 POOL = 1200
-"""Size of a process's pool of postures per name; each figure varies its own a little."""
+"""Number of postures per name in a process's pool; each figure varies its posture slightly."""
 
 NOISE_DEG = 3.0
 """Spread of that variation in arms, neck and head; legs and trunk vary half as much."""
@@ -54,16 +54,16 @@ HOLDS_M = {
     "cloth": ((0.10, -0.06, 0.42), (0.10, -0.06, 0.42)),
     "board": ((0.16, -0.24, 0.32), (0.16, -0.24, 0.32)),
 }
-"""The same of people who hold a cloth or a board up before themselves; only where asked for."""
+"""The same for people who hold up a cloth or a board in front of them; only on request."""
 
 AIDED = {"stand": 0.16, "walk": 0.16}
-"""Share of each posture with one of these. Set by hand."""
+"""Share of each posture with a walking aid or a child (`HANDS_M`). Set by hand."""
 
 ADULT_M = 1.45
 """Minimum stature of people who carry children, metres."""
 
 CLOAKS, SKIRTS, COATS = 0.025, 0.10, 0.09
-"""Shares of people who wear one: as in public places, cloaks more often."""
+"""Shares of people who wear each: as in public places, with more cloaks."""
 
 _POOL_SEED = 815
 """Seed of the postures; any would do."""

@@ -36,7 +36,7 @@ _TURN_RATE = 2.2  # radians a second, for walking around a corner
 _THERE_M = 0.25
 """Distance from the goal at which a walk ends, metres. Set by hand."""
 _BLEND_S, _SIT_DOWN_S = 0.35, 1.2
-"""Time from one motion to the next, and of sitting down or rising, seconds. Set by hand."""
+"""Duration of the transition between motions, and of sitting down or rising (s). Set by hand."""
 _ANKLES = [NODE_INDEX["left_ankle"], NODE_INDEX["right_ankle"]]
 _PELVIS = NODE_INDEX["pelvis"]
 
@@ -154,7 +154,7 @@ class Performer:
             Radians, as in `Track`.
         frames : int
         done : Track, optional
-            The motion of the first acts, as performed before with other acts behind them.
+            Motion of the first acts, performed before with different later acts.
         """
         rotations, headings, spots = np.empty((frames, 21, 3, 3)), np.empty(frames), np.empty((frames, 2))
         seated, played = np.zeros(frames, bool), np.empty(frames, np.int64)

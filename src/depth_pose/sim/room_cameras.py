@@ -1,8 +1,8 @@
-"""Several cameras around the people in a simulated room: where they stand, what they are, their clocks.
+"""Several cameras around the people in a simulated room: their poses, sensors and clocks.
 
 Camera 0 stands at the origin of the room frame (y up, z along its view); the others stand around the people,
-near walls where those are near, and look at the middle of their paths. Every camera has another kind of
-sensor, another image, a rate and a first moment of its own, and a clock that runs a little off::
+near walls where those are near, and look at the middle of their paths. Every camera has its own kind of
+sensor, image size, frame rate and start time, and a clock with an error::
 
     stamp = true time + clock_offset + clock_drift * true time
 """

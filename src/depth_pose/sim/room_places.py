@@ -40,7 +40,7 @@ _LOOK_EVERY_S = 2.0
 _SEES_SHARE = 0.6
 """Share of joints, over all moments, that a camera must see. Set by hand."""
 _CLOSE_M, _CLOSE_SHARE = 0.8, 0.03
-"""At most this share of an image may show things nearer than this, metres. Set by hand."""
+"""Maximum share of an image with surfaces nearer than this distance (m). Set by hand."""
 _TRIES = 150
 """Maximum number of places tried for a camera; the best is kept where none suffices. Set by hand."""
 _SMALL_PX = 80

@@ -1,18 +1,18 @@
 """Simulated depth of a room for three families of sensors: structured light, time of flight, stereo.
 
-`depth_pose.sim.noise` spoils pixels one by one, which suffices for one person before a wall. In rooms
-most of what misleads a finder of people is spatial: surfaces that send no light back lose their pixels
-in blobs, edges move by a pixel or two, and errors are alike among neighbours, because a sensor matches
-windows. So everything here is drawn as smooth fields over the image:
+`depth_pose.sim.noise` spoils pixels one by one, which suffices for one person before a wall. In rooms, most
+errors that mislead a people finder are spatially correlated: dark surfaces lose pixels in blobs, edges move
+by a pixel or two, and neighbours share errors, because a sensor matches windows. So all errors are drawn as
+smooth fields over the image:
 
 - a pixel is lost where the light that returns, albedo cos(angle)^p / z^2, is too little; the limit varies
   in blobs (structured light, time of flight);
-- structured light looks some pixels aside, so that edges are ragged (the displaced look-up of
+- structured light reads displaced pixels, so that edges are ragged (the displaced look-up of
   J. T. Barron and J. Malik, *Intrinsic scene properties from a single RGB-D image*, CVPR 2013, sec. 5),
   errs in disparity, the same amount among neighbours, and has a shadow beside near things;
 - it comes in steps of disparity (K. Khoshelham and S. O. Elberink, *Accuracy and resolution of Kinect depth
   data*, Sensors 12, 2012, eq. 6);
-- stereo is a world of its own: `depth_pose.sim.stereo`;
+- stereo is modelled in `depth_pose.sim.stereo`;
 - time of flight mixes the two surfaces at an edge, and its noise grows as the light falls.
 
 The ranges of the parameters are wider than one device's, on purpose. They were set by eye beside
@@ -106,7 +106,7 @@ class SceneSensor:
     dazzle : float
         Light (albedo / z^2) above which a pixel is lost, 1/m^2.
     materials : int
-        Stereo: seed of which materials have texture enough to be matched.
+        Stereo: seed that selects the materials with enough texture to be matched.
     blotches : float
         How much the limit varies more on dark surfaces, natural logarithm.
     texture : (float, float)
@@ -297,7 +297,7 @@ def _around(depth: Image) -> tuple[Image, Image]:
 
 
 def _aside(image: Image, down: Image, across: Image) -> Image:
-    """Look some pixels aside instead."""
+    """Read displaced pixels instead."""
     out = np.empty_like(image)
     look_aside(image, down, across, out)
     return out

@@ -1,11 +1,11 @@
 """Random rooms with zero to six people in front of a depth camera, every pixel labelled.
 
-Made to teach and to measure a finder of people: the people stand, walk, sit at tables and deep in sofas,
+For training and evaluating the people finder. People stand, walk, sit at tables and deep in sofas,
 lie under blankets, carry children and things, touch furniture and each other, hide behind both, are cut off
-by the image's border; a third of them are nearer than 2.2 m. Around them is what a finder takes for people
-when it has not seen any better: coats on stands, jackets on chairs, pillars, plants, pets, slanted bare
-walls, screens that send no light back. Cameras hang in the ways of `MOUNTINGS`. A tenth of the scenes are
-studios: people before a plain wall or before nothing.
+by the image's border; a third of them are nearer than 2.2 m. Around them are objects that an untrained finder
+mistakes for people: coats on stands, jackets on chairs, pillars, plants, pets, slanted bare walls, screens
+that return no light. Cameras are mounted as in `MOUNTINGS`. A tenth of the scenes are studios: people before
+a plain wall or before nothing.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _ASPECT_SHARES = (0.7, 0.12, 0.1, 0.08)
 MOUNTINGS = {"common": 0.58, "ceiling": 0.24, "rolled": 0.1, "low": 0.08}
 """Shares of mountings: on a stand, shelf or robot; from a ceiling, looking down by 40 to 90
 degrees; likewise but rolled onto a side or upside down; near the floor. Set by hand."""
-_JOINT_SLACK_M = 0.25  # deeper inside its owner's surface no joint is
+_JOINT_SLACK_M = 0.25  # maximum depth of a joint below its owner's surface
 EVERY = 12
 """Stride over a person's vertices in the intersection test with furniture. Set by hand."""
 
@@ -55,16 +55,15 @@ class Scene:
     clean : (H, W) float32
         Without noise, with no limit of range.
     person : (H, W) uint8
-        Which person a pixel of `clean` shows, from 1; 0 for nobody. What they wear is they, what they
-        carry is not.
+        Number, from 1, of the person at each pixel of `clean`; 0 for nobody. Worn clothes count as the
+        person, carried objects do not.
     kind : (H, W) uint8
         `depth_pose.sim.shapes.Kind` of what a pixel of `clean` shows.
     camera : Camera
     joints : (P, 19, 3) float32
         Optical frame, metres.
     visible : (P,) float32
-        Share of the silhouette, as an image without borders would show the person alone, that the
-        image shows.
+        Visible share of the silhouette that an image without borders would show of the person alone.
     seen : (P, 19) bool
         Whether a joint is inside the image and hidden by nothing but its owner.
     up : (3,) float32
@@ -218,7 +217,7 @@ def render(
             owners.append(np.full(len(faces), owner, np.uint8))
         albedos += [person.albedo, np.full(len(person.held_faces), person.held_albedo, np.float32)]
     drawn = draw(*_joined(parts), view.camera)
-    # the last of each list is what face -1, none, stands for
+    # the last entry of each list stands for face -1, none
     own = np.append(np.concatenate(owners), np.uint8(0))[drawn.face]
     shows = np.append(np.concatenate(of_kind), np.uint8(Kind.NOTHING))[drawn.face]
     albedo = np.append(np.concatenate(albedos), np.float32(0))[drawn.face]

@@ -127,7 +127,7 @@ def stand_wide(draw: Draw) -> Array:
 
 
 def crouch(draw: Draw) -> Array:
-    """Stand ready or squat, the trunk leaning the more the deeper the pelvis is."""
+    """Stand ready or squat; the trunk leans more, the lower the pelvis is."""
     depth = draw.pick(0.08, 0.60, 1.8)
     left, right = _feet(draw, draw.uniform(0.2, 0.7), draw.normal(0, 0.15))
     lean = draw.uniform(0.2, 1.0) * depth / 0.5 * 60

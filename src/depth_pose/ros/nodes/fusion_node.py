@@ -43,7 +43,7 @@ SKELETONS = "depth_pose/skeletons"
 """Topic of a suite's skeletons, below the camera's namespace."""
 
 SETTINGS: tuple[Setting, ...] = (
-    Setting("bank", "", "Exemplar bank of the suites, for rep155: its body; empty: the embedded body"),
+    Setting("bank", "", "Exemplar bank whose body rep155 uses; empty: the embedded body"),
     Setting("rig", "", "Rig file: names and poses of the cameras; empty: poses from /tf_static"),
     Setting("topics", [""], "Skeletons of each camera; by default /CAMERA/depth_pose/skeletons of the rig's"),
     Setting("room_frame", "room", "Frame of the merged skeletons: z up, the floor at z = 0"),
