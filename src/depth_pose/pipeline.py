@@ -62,7 +62,7 @@ class PosePipeline:
         self.unanswered = 0
         self._orientation = UpsideDownWatch(config.segment)
         shared = Shared(bank, config)
-        self._subjects = shared.subjects
+        self._states = shared.states
         self.perception = Perception(config.segment, config.denoise, config.mount, config.match)
         self.matcher = shared.make_matcher()
         self.refiner = shared.make_refiner()
@@ -116,11 +116,11 @@ class PosePipeline:
     @contextmanager
     def keeping_builds(self) -> Iterator[None]:
         """Keep the builds of people who have left the view, as for a second pass."""
-        self._subjects.keeps_builds = True
+        self._states.keeps_builds = True
         try:
             yield
         finally:
-            self._subjects.keeps_builds = False
+            self._states.keeps_builds = False
 
     def warm_up(self) -> None:
         """Compile (or load from the cache) every kernel, so that the first frame is not late."""

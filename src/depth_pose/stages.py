@@ -10,19 +10,19 @@ from typing import TYPE_CHECKING
 
 from depth_pose.bank.bank import Bank
 from depth_pose.core.config import PipelineConfig
-from depth_pose.track.memory import Subjects
+from depth_pose.track.state import PersonStates
 
 if TYPE_CHECKING:
     from depth_pose.match.match import Matcher
     from depth_pose.paper.completion import MeshCompleter
-    from depth_pose.paper.fitter import CompletionFitter
     from depth_pose.recover.recover import Recoverer
     from depth_pose.refine.body_fitter import BodyFitter
+    from depth_pose.refine.objective import Objective
     from depth_pose.refine.refine import Refiner
 
 
 class Shared:
-    """State shared by the stages of one process: the body with its fits, and the memory of all people.
+    """What the stages of one process share: the body with its fits, the objective, and all people's states.
 
     Parameters
     ----------
@@ -31,18 +31,25 @@ class Shared:
 
     Attributes
     ----------
-    subjects : Subjects
+    states : PersonStates
     """
 
     def __init__(self, bank: Bank, config: PipelineConfig = PipelineConfig()) -> None:  # noqa: B008
         self._bank, self._config = bank, config
-        self.subjects = Subjects()
+        self._is_paper = config.refine.method == "cpd"
+        self.states = PersonStates()
 
     @cached_property
     def _bodies(self) -> BodyFitter:
         from depth_pose.refine.body_fitter import BodyFitter
 
         return BodyFitter(self._bank.body, self._config.fitting)
+
+    @cached_property
+    def _objective(self) -> Objective:
+        from depth_pose.refine.objective import Objective
+
+        return Objective(self._bank, self._config.match.score_band)
 
     @cached_property
     def _completer(self) -> MeshCompleter:
@@ -53,27 +60,29 @@ class Shared:
     def make_matcher(self) -> Matcher:
         """Return the second stage."""
         from depth_pose.match.match import Matcher
+        from depth_pose.refine.short_fit import ShortFit
 
-        return Matcher(self._bank, self._config.match, self._bodies.template, self.subjects)
+        trial = ShortFit(self._bodies.template, self._config.match.score_band)
+        return Matcher(self._bank, self._config.match, trial, self.states)
 
     def make_refiner(self) -> Refiner:
         """Return the third stage, with the method of fitting that is configured."""
         from depth_pose.refine.refine import Refiner
 
-        c = self._config
-        fitter = self._make_completion_fitter() if c.refine.method == "cpd" else self._bodies
-        return Refiner(self._bank, c.refine, c.match, self._bodies, fitter, self.subjects)
+        c, fitter = self._config, None
+        if self._is_paper:
+            from depth_pose.paper.fitter import CompletionFitter
 
-    def _make_completion_fitter(self) -> CompletionFitter:
-        from depth_pose.paper.fitter import CompletionFitter
-
-        return CompletionFitter(self._completer)
+            fitter = CompletionFitter(self._completer)
+        return Refiner(self._bank, c.refine, c.match, self._bodies, fitter, self.states, self._objective)
 
     def make_recoverer(self) -> Recoverer:
-        """Return the fourth stage."""
+        """Return the fourth stage; with the method cpd it registers clouds, too."""
         from depth_pose.recover.recover import Recoverer
 
-        c = self._config
-        return Recoverer(
-            self._bank, c.recover, c.smooth, c.match, self._bodies, self._completer, self.subjects
-        )
+        c, clouds = self._config, None
+        if self._is_paper:
+            from depth_pose.recover.temporal import TemporalCarrier
+
+            clouds = TemporalCarrier(self._completer, c.fitting.temporal, c.fitting.cpd)
+        return Recoverer(self._bank, c.recover, c.smooth, self._bodies, self._objective, self.states, clouds)

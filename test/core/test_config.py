@@ -122,7 +122,6 @@ def test_stages_share_one_schedule(count):
     assert config.glance + config.rough + config.fine == config.sigmas
     assert all((config.glance, config.rough, config.fine))
     assert config.trial == config.sigmas[: len(config.trial)]
-    assert config.carried == config.sigmas[-len(config.carried) :]
 
 
 def test_pipeline_round_trip():

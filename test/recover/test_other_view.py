@@ -15,7 +15,8 @@ from depth_pose.io.mcap_write import SkeletonWriter
 from depth_pose.io.schemas import ALTERNATIVES_TOPIC, PEOPLE_TOPIC
 from depth_pose.io.skeleton_read import read_people
 from depth_pose.pipeline import FrameResult
-from depth_pose.recover.other_view import SidesBelief
+from depth_pose.recover.other_view import renew_sides
+from depth_pose.track.state import Sides
 from doubtful import CONFIG, doubted, see
 from stages import make_recoverer
 
@@ -58,15 +59,26 @@ def test_a_view_that_the_depth_contradicts_has_none() -> None:
     assert answer(see(0.0), 0.6).alternative is None
 
 
+class Belief:
+    """Keeps the belief from frame to frame."""
+
+    def __init__(self) -> None:
+        self.sides = Sides()
+
+    def renew(self, *given) -> float:
+        self.sides, probability = renew_sides(self.sides, *given)
+        return probability
+
+
 def test_what_was_seen_surely_is_remembered_for_a_moment() -> None:
-    joints, belief = posed(0).nodes[[NODE_INDEX[name] for name in JOINTS]], SidesBelief()
+    joints, belief = posed(0).nodes[[NODE_INDEX[name] for name in JOINTS]], Belief()
     assert belief.renew(joints, found(joints, 0.99), 0) == pytest.approx(0.99)
     assert belief.renew(joints, found(joints, 0.6), STEP_NS) == pytest.approx(0.982, abs=0.002)
     assert belief.renew(joints, found(joints, 0.6), 20 * STEP_NS) == pytest.approx(0.6)
     assert belief.renew(joints, found(joints, 0.99), 21 * STEP_NS) == pytest.approx(0.99)
     exchanged = joints[MIRROR_JOINTS]  # the answer changes its mind, the proposals do not
     assert belief.renew(exchanged, found(joints, 0.7), 22 * STEP_NS) == pytest.approx(0.3)
-    belief.reset()
+    belief = Belief()
     assert belief.renew(joints, found(joints, 0.6), 23 * STEP_NS) == pytest.approx(0.6)
     assert belief.renew(joints, None, 24 * STEP_NS) == 1.0
 

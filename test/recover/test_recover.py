@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -22,10 +21,11 @@ from depth_pose.pipeline import FrameResult, PosePipeline
 from depth_pose.recover.confidence import fit_confidence, report_joints, skeleton_confidence
 from depth_pose.recover.failure import FailureCheck, bone_lengths, limit_excess
 from depth_pose.recover.measurements import weigh_joints
-from depth_pose.recover.recover import Recoverer, RecoveryMemory
+from depth_pose.recover.recover import Recoverer
 from depth_pose.sim.failures import KINDS, fail
 from depth_pose.stages import Shared
 from depth_pose.track.person_view import FramePeople
+from depth_pose.track.state import PersonStates
 from stages import make_recoverer, make_refiner
 
 FRAMES = 12
@@ -52,10 +52,16 @@ def recovered(stage: Recoverer, people: FramePeople, *fitted: Fitted) -> Skeleto
     return answers[0] if answers else None
 
 
-def with_memory() -> tuple[Recoverer, Callable[[], RecoveryMemory]]:
-    """A stage, and what gives its memory of the person."""
+def with_states() -> tuple[Recoverer, PersonStates]:
+    """A stage, and the states of its people."""
     shared = Shared(the_bank(), PipelineConfig(smooth=SmoothConfig(enabled=False)))
-    return shared.make_recoverer(), lambda: shared.subjects["body_1"].recovery
+    return shared.make_recoverer(), shared.states
+
+
+def pretend(states: PersonStates, last: Fitted) -> None:
+    """Change the answer for the frame before."""
+    state = states["body_1"]
+    states["body_1"] = state._replace(answer=state.answer._replace(last=last))
 
 
 def error(answer: Skeleton | Fitted, k: int) -> float:
@@ -224,12 +230,12 @@ def test_finds_simulated_failures_and_recovers(run, kind) -> None:
 
 def test_a_right_detection_wins_over_a_wrong_past(run) -> None:
     """A pose that comes suddenly, but agrees better than the one carried over, is taken."""
-    stage, memory = with_memory()
+    stage, states = with_states()
     for k in range(3):
         recovered(stage, run[k].people, *run[k].refined)
     (person,) = run[2].people.persons
     wrong = fail("flip", run[2].refined[0], person, the_bank(), np.random.default_rng(0))
-    memory().before = wrong
+    pretend(states, wrong)
     answer = recovered(stage, run[3].people, *run[3].refined)
     assert "joint_speed" in stage.last_reasons["body_1"]
     assert answer.source == Source.REFINED
@@ -243,7 +249,7 @@ def test_proposed_joints_speak_for_a_sudden_pose(run) -> None:
     (jumped,) = run[3].refined
     jumped = moved(jumped, jumped.nodes + (0.0, 0.0, 0.4))
     for sigma_m, source in ((10.0, Source.RECOVERED), (0.1, Source.REFINED)):
-        stage, _ = with_memory()
+        stage, _ = with_states()
         for k in range(3):
             recovered(stage, run[k].people, *run[k].refined)
         (person,) = run[3].people.persons
@@ -266,7 +272,7 @@ def test_disabled_passes_failures_on(run) -> None:
 
 
 def test_keeps_a_doubtful_pose_that_agrees_better(run) -> None:
-    stage, memory = with_memory()
+    stage, states = with_states()
     recovered(stage, run[0].people, *run[0].refined)
     stamp_ns = run[1].people.stamp_ns
     people = syn.restamped(run[9].people, stamp_ns)
@@ -274,7 +280,7 @@ def test_keeps_a_doubtful_pose_that_agrees_better(run) -> None:
     assert fit_confidence(0.53) < RecoverConfig().min_confidence
     (wrong,) = run[0].refined
     pose = replace(wrong.pose, root=wrong.pose.root + (3.0, 0.0, 0.0))
-    memory().before = replace(wrong, body=replace(wrong.body, pose=pose))
+    pretend(states, replace(wrong, body=replace(wrong.body, pose=pose)))
     answer = recovered(stage, people, doubtful)
     assert answer.source == Source.REFINED
     (person,) = people.persons
@@ -283,30 +289,24 @@ def test_keeps_a_doubtful_pose_that_agrees_better(run) -> None:
     assert "min_confidence" in stage.last_reasons["body_1"]
 
 
-def test_carried_poses_are_compared_as_the_fits_were(run) -> None:
-    """Whatever the band, right fits and right carried poses score alike; with another band, three times."""
+@pytest.mark.parametrize("method", ["articulated", "cpd"])
+def test_the_last_body_is_registered_by_the_method(run, method) -> None:
+    """By the fit alone, or by the clouds first; both come to the person."""
     for band in (0.06, 0.3):
-        match = MatchConfig(scale=1.0, score_band=band)
-        config = PipelineConfig(match=match, smooth=SmoothConfig(enabled=False))
-        pipeline = PosePipeline(the_bank(), config)
-        for k in range(4):
-            (seen,) = pipeline.process_frame(frame_of(k)).refined
-        stage, person = make_recoverer(the_bank(), match=match), run[4].people.persons[0]
-        past = RecoveryMemory(None, before=seen, person_before=run[3].people.persons[0])
-        as_it_was = stage.carry(past, person, 1.0)
-        registered = stage.carry(past, person, as_it_was.score - 0.01)  # nearly good enough: more is tried
-        assert (registered.joints != as_it_was.joints).any()
-        for carried in (as_it_was, registered):
-            assert carried.score == pytest.approx(seen.score, abs=0.8 * seen.score)
-        hopeless = stage.carry(past, person, as_it_was.score - 0.1)
-        assert (hopeless.joints == as_it_was.joints).all()
+        config = {"match": MatchConfig(score_band=band), "refine": RefineConfig(method=method)}
+        stage = make_recoverer(the_bank(), **config)
+        for k in range(3):
+            recovered(stage, run[k].people, *run[k].refined)
+        answer = recovered(stage, run[3].people, no_pose(*run[3].refined))
+        assert answer.source == Source.RECOVERED
+        assert error(answer, 3) < 0.04
 
 
 def test_first_frame_is_given_even_if_doubtful_but_not_trusted(run) -> None:
-    stage, memory = with_memory()
+    stage, states = with_states()
     first = recovered(stage, run[0].people, knees_forward(*run[0].refined))
     assert first.source == Source.REFINED
-    assert memory().good is None
+    assert states["body_1"].answer.good is None
     assert recovered(stage, run[1].people, *run[1].refined).source == Source.REFINED
 
 

@@ -6,13 +6,18 @@ import numpy as np
 import pytest
 
 from depth_pose.core.config import SmoothConfig
-from depth_pose.recover.smooth import JointFilter
+from depth_pose.recover.smooth import low_pass
+from depth_pose.track.state import FilterState
 
 STEP_NS = 40_000_000
 
 
-def run(joint_filter: JointFilter, frames: np.ndarray) -> np.ndarray:
-    return np.array([joint_filter.filter(p, k * STEP_NS) for k, p in enumerate(frames)])
+def run(frames: np.ndarray, config: SmoothConfig = SmoothConfig()) -> np.ndarray:  # noqa: B008
+    state, out = FilterState(), []
+    for k, positions in enumerate(frames):
+        state = low_pass(state, positions, k * STEP_NS, config)
+        out.append(state.positions)
+    return np.array(out)
 
 
 def filter_slowly(frames: np.ndarray, config: SmoothConfig, speed_cutoff_hz: float) -> np.ndarray:
@@ -39,12 +44,12 @@ def test_agrees_with_its_plain_twin() -> None:
 
     frames = np.cumsum(np.random.default_rng(1).normal(size=(30, 19, 3)) * 0.02, axis=0)
     expected = filter_slowly(frames, SmoothConfig(), smooth.SPEED_CUTOFF_HZ)
-    np.testing.assert_allclose(run(JointFilter(SmoothConfig()), frames), expected, atol=1e-12)
+    np.testing.assert_allclose(run(frames), expected, atol=1e-12)
 
 
 def test_stills_a_trembling_joint() -> None:
     noise = np.random.default_rng(2).normal(size=(200, 19, 3)) * 0.005
-    out = run(JointFilter(SmoothConfig()), 1.0 + noise)
+    out = run(1.0 + noise)
     assert np.diff(out, axis=0).std() < 0.6 * np.diff(noise, axis=0).std()
     np.testing.assert_allclose(out[20:].mean(axis=0), 1.0, atol=0.002)
 
@@ -52,17 +57,17 @@ def test_stills_a_trembling_joint() -> None:
 @pytest.mark.parametrize(("speed", "lag_s"), [(0.5, 0.03), (3.0, 0.012)])
 def test_follows_fast_motion_the_closer(speed, lag_s) -> None:
     at = speed * np.arange(50) * STEP_NS * 1e-9
-    out = run(JointFilter(SmoothConfig()), np.broadcast_to(at[:, None, None], (50, 19, 3)))
+    out = run(np.broadcast_to(at[:, None, None], (50, 19, 3)))
     assert 0 <= at[-1] - out[-1].max() < lag_s * speed
 
 
-def test_reset_forgets() -> None:
-    joint_filter = JointFilter(SmoothConfig())
-    run(joint_filter, np.zeros((5, 19, 3)))
-    joint_filter.reset()
-    np.testing.assert_array_equal(joint_filter.filter(np.ones((19, 3)), 10 * STEP_NS), np.ones((19, 3)))
+@pytest.mark.parametrize("stamp_ns", [STEP_NS, 0])
+def test_stamps_that_do_not_increase_begin_anew(stamp_ns) -> None:
+    state = low_pass(FilterState(), np.zeros((19, 3)), STEP_NS, SmoothConfig())
+    now = low_pass(state, np.ones((19, 3)), stamp_ns, SmoothConfig())
+    np.testing.assert_array_equal(now.positions, np.ones((19, 3)))
 
 
 def test_disabled_changes_nothing() -> None:
     frames = np.random.default_rng(3).normal(size=(5, 19, 3))
-    np.testing.assert_array_equal(run(JointFilter(SmoothConfig(enabled=False)), frames), frames)
+    np.testing.assert_array_equal(run(frames, SmoothConfig(enabled=False)), frames)

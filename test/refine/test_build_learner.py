@@ -14,7 +14,7 @@ from depth_pose.core.errors import ConfigError
 from depth_pose.core.measurement import Proposals
 from depth_pose.core.skeleton import JOINT_NODES, MIRROR_JOINTS
 from depth_pose.refine.build_learner import BuildLearner
-from depth_pose.track.memory import Subject
+from depth_pose.track.state import Shape
 
 PARTS = len(BUILD_NAMES)
 
@@ -40,33 +40,35 @@ def learner_of(space, **settings):
     return BuildLearner(space, PersonalConfig(**settings), FitConfig())
 
 
-def follow(learner, seen, subject, first, frames, score=0.1):
+def follow(learner, seen, shape, first, frames, score=0.1):
     """Show frames of somebody, 100 ms apart."""
     for k in range(first, first + frames):
         stamp_ns = syn.START_NS + k * 100_000_000
-        personal = learner.of(subject, 1.0, is_given=False)
-        learner.learn(personal, *seen, score, stamp_ns)
-    return personal
+        shape = learner.learn(learner.begin(shape, 1.0, is_given=False), *seen, score, stamp_ns)
+    return shape
 
 
 def test_a_good_frame_is_learned_from_and_a_bad_one_is_not(space, seen):
-    assert follow(learner_of(space), seen, Subject(), 0, 5).frames == 5
-    assert follow(learner_of(space), seen, Subject(), 0, 5, score=0.9).frames == 0
-    assert follow(learner_of(space, personal=False), seen, Subject(), 0, 5).frames == 0
+    assert follow(learner_of(space), seen, Shape(), 0, 5).frames == 5
+    assert follow(learner_of(space), seen, Shape(), 0, 5, score=0.9).frames == 0
+    assert follow(learner_of(space, personal=False), seen, Shape(), 0, 5).frames == 0
 
 
-def test_a_build_is_kept_with_its_person(space, seen):
-    learner, one, other = learner_of(space), Subject(), Subject()
-    first = follow(learner, seen, one, 0, 5)
-    assert follow(learner, seen, other, 5, 15) is not first
-    assert follow(learner, seen, one, 20, 1) is first
+def test_a_build_goes_on_from_what_was_known(space, seen):
+    learner = learner_of(space)
+    before = follow(learner, seen, Shape(), 0, 5)
+    kept = before.information.copy()
+    after = follow(learner, seen, before, 5, 3)
+    assert (before.frames, after.frames) == (5, 8)
+    np.testing.assert_array_equal(before.information, kept)
+    assert np.trace(after.information) > 1.3 * np.trace(kept)
 
 
 def test_the_best_known_is_of_whom_most_was_seen(space, seen):
     learner = learner_of(space)
     assert learner.best_known() is None
     for first, frames in ((0, 3), (3, 8), (11, 2)):
-        follow(learner, seen, Subject(), first, frames)
+        follow(learner, seen, Shape(), first, frames)
     assert learner.best_known().frames == 8
     learner.reset()
     assert learner.best_known() is None
@@ -76,7 +78,7 @@ def test_a_file_is_begun_with_and_a_bad_one_refused(space, tmp_path):
     build = np.linspace(-0.05, 0.05, PARTS)
     save_build(tmp_path / "me.json", KnownBuild(0.9, 0.01, build, np.full(PARTS, 0.01), 99))
     learner = learner_of(space, file=str(tmp_path / "me.json"))
-    np.testing.assert_allclose(learner.of(Subject(), 0.9, is_given=False).build, build, atol=1e-4)
+    np.testing.assert_allclose(learner.begin(Shape(), 0.9, is_given=False).build, build, atol=1e-4)
     with pytest.raises(ConfigError, match=r"no\.json: the build cannot be read"):
         learner_of(space, file=str(tmp_path / "no.json"))
 
@@ -92,8 +94,8 @@ def test_proposed_bones_are_learned_in_bad_frames_as_well(space, seen):
     proposing = target._replace(proposals=proposals)
     standing = FittedBody(fitted.pose, fitted.vertices, nodes)
     learner = learner_of(space)
-    personal = follow(learner, (proposing, standing), Subject(), 0, 12, score=0.9)
+    personal = follow(learner, (proposing, standing), Shape(), 0, 12, score=0.9)
     assert personal.frames == 0
     assert learner.best_known() is None
     assert personal.scale < 0.9
-    assert follow(learner_of(space), seen, Subject(), 0, 12, score=0.9).scale == pytest.approx(1.0)
+    assert follow(learner_of(space), seen, Shape(), 0, 12, score=0.9).scale == pytest.approx(1.0)

@@ -11,10 +11,12 @@ from depth_pose.core.config import PersonalConfig
 from depth_pose.core.measurement import NO_PROPOSALS, Proposals
 from depth_pose.core.skeleton import JOINT_NODES, JOINTS, MIRROR_JOINTS
 from depth_pose.refine import proposed_bones
-from depth_pose.refine.personal import Evidence, PersonalBuild, Proposed
-from depth_pose.refine.proposed_bones import BoneLengths, ProposedBones, measure_bones
+from depth_pose.refine.personal import Evidence, Proposed
+from depth_pose.refine.proposed_bones import LENGTHS, BoneLengths, ProposedBones, measure_bones
 from depth_pose.refine.proposed_depth import TrunkDepth
+from depth_pose.refine.running_median import forget
 from depth_pose.refine.upright_stance import find_standing
+from learned import Learned
 
 PARTS = len(BUILD_NAMES)
 BONES = len(proposed_bones.BONES)
@@ -53,11 +55,19 @@ def size(logarithm, build=None):
     return np.concatenate([[logarithm], np.zeros(PARTS) if build is None else build])
 
 
-def gathered(space, frames):
-    bones = ProposedBones(space)
-    for frame in frames:
-        bones.add(frame)
-    return bones
+class Gathered:
+    """Proposed lengths over frames."""
+
+    def __init__(self, space, frames=()):
+        self.bones, self.told = ProposedBones(space), LENGTHS.empty()
+        for frame in frames:
+            self.add(frame)
+
+    def add(self, frame):
+        self.told = LENGTHS.add(self.told, frame.lengths, frame.sure)
+
+    def excess(self, x):
+        return self.bones.excess(self.told, x)
 
 
 def test_lengths_are_those_between_proposals_less_the_bias(space):
@@ -111,11 +121,11 @@ def test_people_who_kneel_sit_or_lie_say_nothing(space, turned):
 def test_without_proposals_nothing_is_said(space):
     nobody = NO_PROPOSALS
     assert find_standing(nobody, standing(space.template)) is None
-    assert ProposedBones(space).excess(size(0.5)) == 0.0
+    assert Gathered(space).excess(size(0.5)) == 0.0
 
 
 def test_much_larger_than_proposed_is_too_large_and_a_little_is_not(space):
-    bones = gathered(space, (proposed(space, 1.0, seed=k, noise=0.08) for k in range(40)))
+    bones = Gathered(space, (proposed(space, 1.0, seed=k, noise=0.08) for k in range(40)))
     assert bones.excess(size(-0.1)) == bones.excess(size(0.0)) == bones.excess(size(0.02)) == 0.0
     excess = [bones.excess(size(s)) for s in (0.06, 0.1, 0.2, 0.3)]
     assert excess == sorted(excess)
@@ -124,7 +134,7 @@ def test_much_larger_than_proposed_is_too_large_and_a_little_is_not(space):
 
 
 def test_skin_of_thick_limbs_is_believed_less_and_that_of_thin_ones_more(space):
-    bones = gathered(space, [proposed(space, 1.0)] * 20)
+    bones = Gathered(space, [proposed(space, 1.0)] * 20)
     thick, thin = np.zeros(PARTS), np.zeros(PARTS)
     limbs = [BUILD_NAMES.index(girth) for girth in ("arm_girth", "leg_girth")]
     thick[limbs], thin[limbs] = 0.2, -0.2
@@ -137,22 +147,22 @@ def test_wild_proposals_are_outvoted(space):
     rng = np.random.default_rng(3)
     frames = [proposed(space, 1.0, seed=k, noise=0.03) for k in range(30)]
     wild = [BoneLengths(np.log(rng.uniform(1e-3, 1e3, BONES)), np.ones(BONES)) for _ in range(8)]
-    sane = gathered(space, frames).excess(size(0.15))
-    assert gathered(space, frames + wild).excess(size(0.15)) == pytest.approx(sane, abs=0.03)
+    sane = Gathered(space, frames).excess(size(0.15))
+    assert Gathered(space, frames + wild).excess(size(0.15)) == pytest.approx(sane, abs=0.03)
 
 
 def test_proportions_of_the_build_are_not_taken_for_clothes(space):
     build = np.zeros(PARTS)
     build[[BUILD_NAMES.index("thigh"), BUILD_NAMES.index("shank")]] = 0.15
-    bones = gathered(space, [proposed(space, 1.0, build)] * 20)
+    bones = Gathered(space, [proposed(space, 1.0, build)] * 20)
     assert bones.excess(size(0.0, build)) == 0.0
     assert bones.excess(size(0.15, build)) > 0.1
 
 
 def test_what_was_proposed_is_forgotten(space):
-    bones = gathered(space, [proposed(space, 1.0)] * 20)
+    bones = Gathered(space, [proposed(space, 1.0)] * 20)
     for _ in range(40):
-        bones.forget(0.9)
+        bones.told = forget(bones.told, 0.9)
         bones.add(proposed(space, 1.25))
     assert bones.excess(size(np.log(1.25))) == 0.0
 
@@ -160,7 +170,7 @@ def test_what_was_proposed_is_forgotten(space):
 def in_a_coat(space, is_given=False, score=0.1):
     """Follow somebody of size 1.0 whose skin says 1.2; how well frames fit is ``score``."""
     rng = np.random.default_rng(1)
-    personal = PersonalBuild(PersonalConfig(), space)
+    personal = Learned(PersonalConfig(), space)
     for frame in range(40):
         personal.take_size(1.2, is_given)
         rows = rng.standard_normal((40, 1 + PARTS))
@@ -191,8 +201,8 @@ def test_a_given_size_is_kept_whatever_is_proposed(space):
 
 def test_two_frames_do_not_decide(space):
     bones = [proposed(space, 0.7)] * 3
-    assert gathered(space, bones[:2]).excess(size(0.0)) == 0.0
-    assert gathered(space, bones).excess(size(0.0)) > 0.2
+    assert Gathered(space, bones[:2]).excess(size(0.0)) == 0.0
+    assert Gathered(space, bones).excess(size(0.0)) > 0.2
 
 
 def test_people_whose_legs_are_cut_off_say_little(space):

@@ -9,7 +9,8 @@ import synthetic as syn
 from depth_pose.body.build import BUILD_NAMES, BuildSpace, prior_information
 from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES
-from depth_pose.refine.proposed_depth import ProposedDepth, TrunkSkin
+from depth_pose.refine.proposed_depth import DEPTHS, TrunkSkin, observe_depth
+from depth_pose.refine.running_median import forget
 from depth_pose.refine.upright_stance import SUREST, Standing
 
 PARTS = len(BUILD_NAMES)
@@ -46,11 +47,23 @@ def measured(space, skin, by, turn=0.0, build=None):
     return skin.measure(deeper(space, pose, by), pose, own)
 
 
-def told(frames):
-    depth = ProposedDepth()
-    for frame in frames:
-        depth.add(frame)
-    return depth
+class Told:
+    """Proposed depths over frames."""
+
+    def __init__(self, frames):
+        self.depth, self.row = DEPTHS.empty(), np.zeros(1 + PARTS)
+        for frame in frames:
+            self.add(frame)
+
+    def add(self, frame):
+        self.depth = DEPTHS.add(self.depth, np.array([frame.depth]), np.array([frame.sure]))
+        self.row = self.row + frame.sure * frame.row
+
+    def forget(self, kept):
+        self.depth, self.row = forget(self.depth, kept), kept * self.row
+
+    def observe(self, information, vector):
+        return observe_depth(self.depth, self.row, information, vector)
 
 
 def known(value=0.0):
@@ -84,10 +97,10 @@ def test_a_deep_build_lies_as_deep_as_its_girths_say(space, skin):
 
 def test_a_coat_is_taken_for_a_deep_trunk_and_a_shirt_is_not(space, skin):
     usual = np.linalg.solve(*known())
-    shirt = np.linalg.solve(*told([measured(space, skin, 0.04)] * 5).observe(*known()))
+    shirt = np.linalg.solve(*Told([measured(space, skin, 0.04)] * 5).observe(*known()))
     np.testing.assert_array_equal(shirt, usual)
     coats = [
-        np.linalg.solve(*told([measured(space, skin, by)] * 5).observe(*known())) for by in (0.06, 0.08, 0.1)
+        np.linalg.solve(*Told([measured(space, skin, by)] * 5).observe(*known())) for by in (0.06, 0.08, 0.1)
     ]
     row = measured(space, skin, 0.0).row
     lies = [float(row @ x) for x in coats]
@@ -101,12 +114,12 @@ def test_the_median_is_taken_and_two_frames_do_not_decide(space, skin):
     deep, plain = measured(space, skin, 0.1), measured(space, skin, 0.0)
     usual = np.linalg.solve(*known())
     for frames in ([deep] * 2, [deep] * 4 + [plain] * 6):
-        np.testing.assert_array_equal(np.linalg.solve(*told(frames).observe(*known())), usual)
-    assert np.linalg.solve(*told([deep] * 6 + [plain] * 4).observe(*known()))[1 + DEPTH] > 0.2
+        np.testing.assert_array_equal(np.linalg.solve(*Told(frames).observe(*known())), usual)
+    assert np.linalg.solve(*Told([deep] * 6 + [plain] * 4).observe(*known()))[1 + DEPTH] > 0.2
 
 
 def test_what_was_proposed_is_forgotten(space, skin):
-    depth = told([measured(space, skin, 0.1)] * 10)
+    depth = Told([measured(space, skin, 0.1)] * 10)
     for _ in range(40):
         depth.forget(0.9)
         depth.add(measured(space, skin, 0.0))

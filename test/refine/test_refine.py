@@ -9,15 +9,12 @@ import numpy as np
 import pytest
 
 import synthetic as syn
-from depth_pose.body.pose import BodyPose, FittedBody
-from depth_pose.body.rendered_depth import Comparison
 from depth_pose.core.config import MatchConfig, RefineConfig
 from depth_pose.core.errors import BankError
 from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.core.types import Candidate, PoseMatch
 from depth_pose.recover.confidence import fit_confidence
 from depth_pose.refine.body_fitter import BodyFitter
-from depth_pose.refine.kept_poses import KeptPoses, ScoredFit, choose_answer, keep_differing
 from depth_pose.refine.refine import Refiner
 from stages import make_matcher, make_refiner
 
@@ -127,48 +124,6 @@ def test_exemplars_that_lost_are_not_fitted_again_before_the_next_search(bank):
     assert spent[0] > 1
     assert spent[1:3] == [0, 0]
     assert spent[3] > 0
-
-
-def compared(bank, score, aside):
-    """A body that stands ``aside`` metres to the right and disagrees by a score."""
-    pose = BodyPose(bank.rotations(0), np.array([aside, 0.0, 3.0]), 1.0)
-    posed = bank.body.pose(pose.rotations, pose.root)
-    return ScoredFit(FittedBody(pose, posed.vertices, posed.nodes), Comparison(score, 0.0), 0.0, 0.0)
-
-
-def test_a_pose_far_from_the_kept_one_has_to_be_better_by_enough_or_for_a_while(bank):
-    """Sums of how much better it was, over frames in a row; one that is near answers at once."""
-    old, near = compared(bank, 0.30, 0.0), compared(bank, 0.29, 0.02)
-    kept, far = KeptPoses(), compared(bank, 0.27, 0.1)
-    assert choose_answer(kept, near, old) is near
-    assert [choose_answer(kept, far, old) is far for _ in range(4)] == [False, True, False, True]
-    assert choose_answer(kept, far, old) is old
-    assert choose_answer(kept, compared(bank, 0.31, 0.1), old) is old  # it was better once only
-    assert choose_answer(kept, far, old) is old
-    much = compared(bank, 0.2, 0.1)
-    assert choose_answer(KeptPoses(), much, old) is much
-    assert choose_answer(KeptPoses(), far, None) is choose_answer(KeptPoses(), far) is far
-    assert choose_answer(KeptPoses(), None, old) is old
-
-
-def test_whatever_was_carried_beside_the_answer_may_answer_as_a_fresh_pose_may(bank):
-    old, fresh, carried = (compared(bank, *of) for of in ((0.30, 0.0), (0.28, 0.1), (0.2, -0.1)))
-    assert choose_answer(KeptPoses(), fresh, old, carried) is carried
-    assert choose_answer(KeptPoses(), None, old, carried) is carried
-    assert choose_answer(KeptPoses(), carried, old, fresh) is carried
-    assert choose_answer(KeptPoses(), fresh, old, None) is old
-
-
-def test_the_best_pose_that_differs_from_the_answer_is_carried_beside_it(bank):
-    answer, near, far, farther = (
-        compared(bank, *of) for of in ((0.20, 0.0), (0.21, 0.03), (0.23, 0.1), (0.22, -0.1))
-    )
-    beam = keep_differing(answer, [near, far, answer, farther], 2)
-    assert [pose.root[0] for pose in beam] == [0.0, -0.1]
-    assert len(keep_differing(answer, [near, far, answer, farther], 3)) == 3
-    assert len(keep_differing(answer, [near, far, answer, farther], 1)) == 1
-    assert len(keep_differing(answer, [answer, near], 2)) == 1
-    assert len(keep_differing(answer, [answer, compared(bank, 0.5, 0.1)], 2)) == 1  # it agrees far too badly
 
 
 @pytest.mark.parametrize("beam", [1, 2, 3])

@@ -6,12 +6,11 @@ import pytest
 from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.body.rendered_depth import render_depth
 from depth_pose.core.camera import Camera
-from depth_pose.core.config import PipelineConfig, SmoothConfig
+from depth_pose.core.config import PipelineConfig
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, NODE_INDEX, Source
 from depth_pose.core.types import BACKGROUND, PERSON, TrackedPerson
-from depth_pose.recover.smooth import JointFilter
 from depth_pose.refine import _articulated_kernels as kernels
 from depth_pose.refine._tree_kernels import Equations
 from depth_pose.refine.body_fitter import BodyFitter
@@ -158,7 +157,7 @@ def test_the_refiner_reports_joints_of_both_cameras(bank, bodies, pose):
     config = PipelineConfig()
     refiner = RoomRefiner(bank, config)
     views = [see(bank, pose, camera_at(a), bodies, proposals=True) for a in (0.2, 2.4)]
-    memory = RoomMemory(JointFilter(SmoothConfig()))
+    memory = RoomMemory()
     for frame in range(3):
         starts = [disturbed(pose, 0.15), disturbed(pose, -0.2)]
         answers = [Answer(v, s, np.full(19, 0.8)) for v, s in zip(views, starts, strict=True)]

@@ -12,7 +12,7 @@ from depth_pose.core.errors import ConfigError
 from depth_pose.core.skeleton import Source
 from depth_pose.core.types import Skeleton
 from depth_pose.track.follow import Follower
-from depth_pose.track.memory import MEMORY_NS
+from depth_pose.track.state import MEMORY_NS
 
 STEP_NS = 40_000_000
 

@@ -178,8 +178,8 @@ class FitConfig(Checked):
     """The articulated fit (`depth_pose.refine.articulated`).
 
     The stages share one annealing schedule, ``sigmas``, and take parts of it: a first look at many starts
-    (`glance`), a choice between a few (`rough`), the answer (`fine`), a trial of a size or a facing
-    (`trial`), and a pose that was carried over from the frame before (`carried`).
+    (`glance`), a choice between a few (`rough`), the answer (`fine`), and a trial of a size or a
+    facing (`trial`).
     """
 
     sigmas: tuple[float, ...] = option(
@@ -258,11 +258,6 @@ class FitConfig(Checked):
     def trial(self) -> tuple[float, ...]:
         """The first three quarters: enough to compare two sizes by their scores."""
         return self.sigmas[: 3 * len(self.sigmas) // 4]
-
-    @property
-    def carried(self) -> tuple[float, ...]:
-        """All but the first eighth: a pose that was carried over is near."""
-        return self.sigmas[len(self.sigmas) // 8 :]
 
 
 @dataclass(frozen=True)

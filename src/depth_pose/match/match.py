@@ -10,9 +10,6 @@ joints do. The same score determines the person's size over the first frames.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,8 +22,8 @@ from depth_pose.core.config import MatchConfig
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINT_NODES, NODE_INDEX, NODES
 from depth_pose.core.types import Candidate, PoseMatch
+from depth_pose.match import turns
 from depth_pose.match._match_kernels import keep_different
-from depth_pose.match.last_match import LastMatch
 from depth_pose.match.placing import (
     ExemplarRenderer,
     ExemplarViews,
@@ -36,17 +33,13 @@ from depth_pose.match.placing import (
     place_exemplars,
 )
 from depth_pose.match.proposed_exemplars import ProposedExemplars
-from depth_pose.match.scale import SCALES, ScaleFinder
+from depth_pose.match.scale import SCALES, SizeFinder, Trial
 from depth_pose.match.search import SubspaceSearch
-from depth_pose.match.trial_fits import TrialFits
 from depth_pose.match.upright_exemplars import UprightExemplars, head_axes
-from depth_pose.track.memory import Subjects
 from depth_pose.track.person_view import FramePeople, PersonView, thin_image
 from depth_pose.track.sample_people import sample_people
+from depth_pose.track.state import PersonState, PersonStates, SizeSearch
 from depth_pose.track.time_budget import TimeBudget
-
-if TYPE_CHECKING:
-    from depth_pose.refine.articulated import ArticulatedFitter
 
 _ROUGH_M, _FINE_M = 0.08, 0.04
 """Maximum pixel spacing at the person (m) of the coarse comparison, and of the fine one."""
@@ -56,13 +49,6 @@ _FINALISTS = 16
 
 _CORRECTED = 8
 """Number of the best of them that are corrected once more."""
-
-_MORE = 1.2
-"""Factor by which more of a cut-off person must be visible before the size is estimated again."""
-
-_WHOLE_FRAMES = 5
-"""Consecutive frames in which a formerly cut-off person is whole before the size is estimated again; set
-by hand."""
 
 _NEARLY = 0.04
 """Score difference below which best matches that face opposite ways are distinguished by fits."""
@@ -86,37 +72,6 @@ def match_confidence(score: float) -> float:
     return float(1.0 / (1.0 + np.exp((score - _EVEN_SCORE) / _SCORE_SPREAD)))
 
 
-class _Size:
-    """Size estimate of one person.
-
-    Attributes
-    ----------
-    finder : ScaleFinder
-    is_partial : bool
-        Whether the size was estimated while the image border may have cut the person off.
-    shown : float
-        Maximum visible amount of the person since then: points times squared distance.
-    whole : int
-        Consecutive frames in which nothing cut the person off.
-    """
-
-    def __init__(self, finder: ScaleFinder) -> None:
-        self.finder = finder
-        self.reset()
-
-    def reset(self) -> None:
-        self.finder.reset()
-        self.is_partial, self.shown, self.whole = False, 0.0, 0
-
-
-@dataclass(frozen=True)
-class MatchMemory:
-    """State of the matcher for one track: size, and last match."""
-
-    size: _Size
-    last: LastMatch
-
-
 class Matcher:
     """The second stage of the pipeline, run by `matcher_node`.
 
@@ -124,10 +79,10 @@ class Matcher:
     ----------
     bank : Bank
     config : MatchConfig
-    fitter : ArticulatedFitter
-        Fitter of the bank's body; short fits compare sizes, and poses that face opposite ways.
-    subjects : Subjects, optional
-        State of all tracks, shared with the other stages of a process.
+    trial : Trial
+        Short fits of the bank's body, which compare sizes.
+    states : PersonStates, optional
+        States of all tracks, shared with the other stages of a process.
 
     Attributes
     ----------
@@ -136,7 +91,7 @@ class Matcher:
     """
 
     def __init__(
-        self, bank: Bank, config: MatchConfig, fitter: ArticulatedFitter, subjects: Subjects | None = None
+        self, bank: Bank, config: MatchConfig, trial: Trial, states: PersonStates | None = None
     ) -> None:
         self.bank = bank
         self.config = config
@@ -146,12 +101,12 @@ class Matcher:
         self._renderer = ExemplarRenderer(bank, config.score_band)
         self._upright = UprightExemplars(bank)
         self._proposed = ProposedExemplars(bank)
-        self._fitter = fitter
-        self._subjects = subjects or Subjects()
+        self._trial, self._sizes = trial, SizeFinder(config, trial)
+        self._states = states or PersonStates()
 
     def reset(self) -> None:
         """Forget all tracks."""
-        self._subjects.reset()
+        self._states.reset()
 
     def warm_up(self) -> None:
         """Compile every kernel; forgets all tracks."""
@@ -170,66 +125,45 @@ class Matcher:
         tuple of PoseMatch
             One for each processed person (`TimeBudget`).
         """
-        self._subjects.begin(people)
-        return tuple(self._match(person) for person in self.time_budget.take(people.persons))
+        self._states.begin(people)
+        matches = []
+        for person in self.time_budget.take(people.persons):
+            state, match = self.estimate(self._states[person.body_id], person)
+            self._states[person.body_id] = state
+            matches.append(match)
+        return tuple(matches)
 
-    def _match(self, person: PersonView) -> PoseMatch:
-        """Return the exemplars nearest to one person, from a new search or carried along."""
-        subject = self._subjects[person.body_id]
-        if subject.match is None:
-            size = _Size(ScaleFinder(self._fitter, self.config.score_band))
-            subject.match = MatchMemory(size, LastMatch(self.config.search_every))
-        size, last = subject.match.size, subject.match.last
-        self._await_whole(person, size)
-        if self._is_known(size.finder):
-            carried = last.carried(person, self._scale(person, size.finder))
-            if carried is not None:
-                return carried
-        match = self._search_for(person, size)
-        last.keep(person, match)
-        return match
-
-    def _search_for(self, person: PersonView, size: _Size) -> PoseMatch:
-        """Find the exemplars nearest to one person."""
-        is_new = size.finder.frames == 0
-        scale = self._scale(person, size.finder)
+    def estimate(self, state: PersonState, person: PersonView) -> tuple[PersonState, PoseMatch]:
+        """Find the exemplars nearest to one person, by a new search or carried along."""
+        every, sizes = self.config.search_every, self._sizes
+        search = sizes.watch(state.shape.search, person)
+        if sizes.is_known(search):
+            schedule, is_due = turns.count_frame(state.schedule, person, every)
+            state = state._replace(schedule=schedule, shape=state.shape._replace(search=search))
+            if not is_due:
+                return state, turns.carried(schedule, person, sizes.scale(search))
+        is_new = search.frames == 0
+        if not sizes.is_begun(search):
+            search = self._begin_size(search, person)
+        scale = sizes.scale(search)
         rough = self.compare_roughly(person, scale, self.config.shortlist)
         placed = self._compare_finely(person, scale, rough)
-        if not is_new and not self._is_known(size.finder):
-            size.finder.add(person, self._pose(placed, 0, scale))
-        return PoseMatch(
+        if not is_new and not sizes.is_known(search):
+            search = sizes.add(search, person, self._pose(placed, 0, scale))
+        match = PoseMatch(
             person.body_id, self.bank.bank_id, scale, self._keep_different(placed, person.measured)
         )
+        schedule = turns.keep(state.schedule, person, match, every)
+        return state._replace(schedule=schedule, shape=state.shape._replace(search=search)), match
 
-    def _is_known(self, finder: ScaleFinder) -> bool:
-        """Check that the size is configured, or estimated and held."""
-        return self.config.scale > 0.0 or finder.frames >= self.config.scale_frames
-
-    def _await_whole(self, person: PersonView, size: _Size) -> None:
-        """Restart the size estimate of a person who was partly cut off or hidden, as more becomes visible."""
-        if not (person.is_cut_beside or person.is_cut_below):
-            size.whole += 1
-            if size.is_partial and size.whole >= _WHOLE_FRAMES:
-                size.reset()
-            return
-        size.whole = 0
-        shown = len(person.points) * float(np.median(person.points[:, 2])) ** 2
-        if size.is_partial and shown > _MORE * size.shown:
-            size.finder.reset()
-            size.shown = shown
-        elif not size.is_partial and not self._is_known(size.finder):
-            size.is_partial, size.shown = True, shown
-
-    def _scale(self, person: PersonView, finder: ScaleFinder) -> float:
-        """Return the person's size: configured, or estimated over the frames so far."""
-        if self.config.scale > 0.0:
-            return self.config.scale
-        if finder.frames == 0:
-            few = max(4, self.config.shortlist // 4)
-            tried = [(s, self.compare_roughly(person, s, few)) for s in self._first_sizes(person)]
-            scale, rough = min(tried, key=lambda t: float(t[1].scores.min()))
-            finder.add(person, self._pose(self._compare_finely(person, scale, rough), 0, scale))
-        return finder.scale
+    def _begin_size(self, search: SizeSearch, person: PersonView) -> SizeSearch:
+        """Compare sizes in a person's first frame, by the exemplars that match best at a few of them."""
+        few = max(4, self.config.shortlist // 4)
+        tried = [(s, self.compare_roughly(person, s, few)) for s in self._first_sizes(person)]
+        scale, rough = min(tried, key=lambda t: float(t[1].scores.min()))
+        return self._sizes.add(
+            search, person, self._pose(self._compare_finely(person, scale, rough), 0, scale)
+        )
 
     def _first_sizes(self, person: PersonView) -> list[float]:
         """Return the sizes that are compared first: near the proposals' size, or over the whole range."""
@@ -309,8 +243,8 @@ class Matcher:
         turned = np.flatnonzero(close & (across @ across[0] < 0.0))
         if turned.size == 0:
             return placed
-        trial, other = TrialFits(self._fitter, self.config.score_band, person), turned[0]
-        if trial.score(self._pose(placed, 0, scale)) <= trial.score(self._pose(placed, other, scale)):
+        score, other = self._trial.scorer(person), turned[0]
+        if score(self._pose(placed, 0, scale)) <= score(self._pose(placed, other, scale)):
             return placed
         rows = np.arange(len(placed.scores))
         return placed.take(np.insert(rows[rows != other], 0, other))

@@ -10,16 +10,14 @@ scores of different frames; the size is where their means change sign.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from depth_pose.body.pose import BodyPose
-from depth_pose.match.trial_fits import TrialFits
+from depth_pose.core.config import MatchConfig
 from depth_pose.track.person_view import PersonView
-
-if TYPE_CHECKING:
-    from depth_pose.refine.articulated import ArticulatedFitter
+from depth_pose.track.state import SizeSearch
 
 SCALES = 0.6 * 1.04 ** np.arange(-3, 18)
 """Grid of sizes: statures from 0.93 m to 2.05 m for a body of 1.75 m."""
@@ -35,73 +33,106 @@ _MOST_STEPS = 5
 """Maximum number of 4 % steps from the first guess, which bounds the time of the first frame."""
 
 
-class ScaleFinder:
-    """Accumulates, over frames, the score differences between neighbouring sizes."""
+_MORE = 1.2
+"""Factor by which more of a cut-off person must be visible before the size is estimated again."""
 
-    def __init__(self, fitter: ArticulatedFitter, band: float) -> None:
-        self._fitter = fitter
-        self._band = band
-        self.reset()
+_WHOLE_FRAMES = 5
+"""Consecutive frames in which a formerly cut-off person is whole before the size is estimated again; set
+by hand."""
 
-    def reset(self) -> None:
-        """Forget the person."""
-        self.frames = 0
-        self._at = 0
-        self._rises = np.zeros(len(SCALES) - 1)
-        self._counts = np.zeros(len(SCALES) - 1, np.int64)
 
-    @property
-    def scale(self) -> float:
-        """Size with the least score, by a parabola near the minimum; defined after the first frame."""
-        k = self._at
-        if k == 0 or k == len(SCALES) - 1 or min(self._counts[k - 1], self._counts[k]) == 0:
+class Trial(Protocol):
+    """Compares poses of a person by short fits (`depth_pose.refine.short_fit`)."""
+
+    def scorer(self, person: PersonView) -> Callable[[BodyPose], float]:
+        """Return a function from a start to the rendered-depth disagreement after a fit."""
+
+
+class SizeFinder:
+    """Estimates sizes; what is known of a person is a `SizeSearch`.
+
+    Parameters
+    ----------
+    config : MatchConfig
+    trial : Trial
+    """
+
+    def __init__(self, config: MatchConfig, trial: Trial) -> None:
+        self._config, self._trial = config, trial
+
+    def is_known(self, search: SizeSearch) -> bool:
+        """Check that the size is configured, or estimated and held."""
+        return self._config.scale > 0.0 or search.frames >= self._config.scale_frames
+
+    def is_begun(self, search: SizeSearch) -> bool:
+        """Check that the size is configured, or that a first frame was compared."""
+        return self._config.scale > 0.0 or search.frames > 0
+
+    def scale(self, search: SizeSearch) -> float:
+        """Return the configured size, or the one with the least score, by a parabola near the minimum."""
+        if self._config.scale > 0.0:
+            return self._config.scale
+        k, counts = search.at, search.counts
+        if k == 0 or k == len(SCALES) - 1 or min(counts[k - 1], counts[k]) == 0:
             return float(SCALES[k])
-        below, above = self._rises[k - 1 : k + 1] / self._counts[k - 1 : k + 1]
+        below, above = search.rises[k - 1 : k + 1] / counts[k - 1 : k + 1]
         step = 0.5 * (-below - above) / (above - below) if above > 0.0 > below else 0.0
         return float(SCALES[k] * (SCALES[1] / SCALES[0]) ** step)
 
-    def add(self, person: PersonView, start: BodyPose) -> None:
+    def watch(self, search: SizeSearch, person: PersonView) -> SizeSearch:
+        """Restart the estimate of a person who was partly cut off or hidden, as more becomes visible."""
+        if not (person.is_cut_beside or person.is_cut_below):
+            whole = search.whole + 1
+            return (
+                SizeSearch() if search.is_partial and whole >= _WHOLE_FRAMES else search._replace(whole=whole)
+            )
+        shown = len(person.points) * float(np.median(person.points[:, 2])) ** 2
+        if search.is_partial and shown > _MORE * search.shown:
+            return SizeSearch(is_partial=True, shown=shown)
+        if not search.is_partial and not self.is_known(search):
+            return search._replace(is_partial=True, shown=shown, whole=0)
+        return search._replace(whole=0)
+
+    def add(self, search: SizeSearch, person: PersonView, start: BodyPose) -> SizeSearch:
         """Add a frame to the estimate.
 
         Parameters
         ----------
+        search : SizeSearch
         person : PersonView
         start : BodyPose
             The matched pose, at a size near the person's.
         """
-        trial = TrialFits(self._fitter, self._band, person)
-        scored: dict[int, float] = {}
+        fit, scored = self._trial.scorer(person), dict[int, float]()
 
         def score(k: int) -> float:
             if k not in scored:
-                fitted = trial.score(BodyPose(start.rotations, start.root, float(SCALES[k])))
+                fitted = fit(BodyPose(start.rotations, start.root, float(SCALES[k])))
                 scored[k] = fitted + float(_RARITY[k])
             return scored[k]
 
-        if self.frames == 0:
-            self._at = _descend(score, int(np.argmin(np.abs(np.log(SCALES / start.scale)))))
+        if search.frames == 0:
+            at = _descend(score, int(np.argmin(np.abs(np.log(SCALES / start.scale)))))
+            rises, counts = np.zeros(len(SCALES) - 1), np.zeros(len(SCALES) - 1, np.int64)
         else:
-            low = self._pair()
+            at, rises, counts = search.at, search.rises.copy(), search.counts.copy()
+            low = _next_pair(search)
             score(low), score(low + 1)
         for k in scored:
             if k + 1 in scored:
-                self._rises[k] += scored[k + 1] - scored[k]
-                self._counts[k] += 1
-        self.frames += 1
-        self._move()
+                rises[k] += scored[k + 1] - scored[k]
+                counts[k] += 1
+        if at < len(SCALES) - 1 and rises[at] < 0.0:
+            at += 1
+        elif at > 0 and rises[at - 1] > 0.0:
+            at -= 1
+        return search._replace(frames=search.frames + 1, at=at, rises=rises, counts=counts)
 
-    def _pair(self) -> int:
-        """Return the lower size of the less often compared pair beside the best size."""
-        below, above = max(0, self._at - 1), min(len(SCALES) - 2, self._at)
-        return below if self._counts[below] < self._counts[above] else above
 
-    def _move(self) -> None:
-        """Move to the next size if the mean difference favours it."""
-        k = self._at
-        if k < len(SCALES) - 1 and self._rises[k] < 0.0:
-            self._at = k + 1
-        elif k > 0 and self._rises[k - 1] > 0.0:
-            self._at = k - 1
+def _next_pair(search: SizeSearch) -> int:
+    """Return the lower size of the less often compared pair beside the best size."""
+    below, above = max(0, search.at - 1), min(len(SCALES) - 2, search.at)
+    return below if search.counts[below] < search.counts[above] else above
 
 
 def _descend(score: Callable[[int], float], k: int) -> int:

@@ -9,6 +9,7 @@ joints and the fit's score (`depth_pose.body.rendered_depth`) are checked too, a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum, auto
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from depth_pose.core.skeleton import BONES, JOINT_NODES, JOINTS, NODE_INDEX
 from depth_pose.recover import _failure_kernels as kernels
 from depth_pose.recover.confidence import fit_confidence
 from depth_pose.refine.skeleton_pose import pose_from_nodes
+from depth_pose.track.state import Answer
 
 KINDS: tuple[str, ...] = (
     "no_pose",
@@ -32,6 +34,9 @@ KINDS: tuple[str, ...] = (
     "worse_fit",
 )
 """Kinds of failure, used as keys of the counters, in the order of the checks."""
+
+_IMPLAUSIBLE = {"no_pose": 1.0, "bone_length": 0.1, "joint_angle": 0.1}
+"""Kinds of fits that are wrong in themselves, and the score excess (`Failure.allowance`) of each."""
 
 _JUMP_M = 0.1
 """Allowed change (m) of a joint from frame to frame, in addition to what its speed allows."""
@@ -65,10 +70,57 @@ _HINGES = _hinges()
 
 @dataclass(frozen=True)
 class Failure:
-    """A kind, one of `KINDS`, and a readable description."""
+    """A kind, one of `KINDS`, and a readable reason why a fit is refused."""
 
     kind: str
     reason: str
+
+    @property
+    def is_implausible(self) -> bool:
+        """Whether the pose is wrong in itself; others only changed suddenly, or agree poorly."""
+        return self.kind in _IMPLAUSIBLE
+
+    @property
+    def allowance(self) -> float:
+        """Score excess with which the last good body still replaces the refused fit."""
+        return _IMPLAUSIBLE.get(self.kind, 0.0)
+
+
+class Verdict(Enum):
+    """What becomes of a fit.
+
+    It is a reference for later frames; doubtful but the answer; refused; or compared with the last body.
+    """
+
+    TRUSTED = auto()
+    DOUBTFUL = auto()
+    REFUSED = auto()
+    COMPARED = auto()
+
+
+def judge(failure: Failure | None, answer: Answer, *, is_over: bool, is_hopeless: bool) -> Verdict:
+    """Decide what becomes of a fit.
+
+    Parameters
+    ----------
+    failure : Failure or None
+    answer : Answer
+        Of the frames before.
+    is_over : bool
+        Whether the last good fit is too old to be registered.
+    is_hopeless : bool
+        Whether nothing is like a body there.
+    """
+    if failure is None:
+        return Verdict.TRUSTED
+    is_lost = failure.kind == "no_pose"
+    if answer.good is None and (is_lost or is_hopeless):
+        return Verdict.REFUSED
+    if answer.last is None and not answer.is_waiting and not is_lost:
+        return Verdict.DOUBTFUL
+    if answer.last is None or is_over:
+        return Verdict.REFUSED if failure.is_implausible else Verdict.TRUSTED
+    return Verdict.COMPARED
 
 
 class FailureCheck:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import MIRROR_JOINTS
 from depth_pose.refine.proposals import is_named_alike
+from depth_pose.track.state import Sides
 
 _HALF_LIFE_S = 0.5
 """Half-life of the remembered log-odds: a person may turn round in a second. Set by hand."""
@@ -21,35 +22,37 @@ _SUREST = 1e-4
 """Probabilities are clipped to this distance from 0 and 1."""
 
 
-class SidesBelief:
-    """Probability that left and right of one person's answers are not exchanged.
+def renew_sides(
+    sides: Sides, joints: NDArray[np.float64], measured: JointMeasurement | None, stamp_ns: int
+) -> tuple[Sides, float]:
+    """Update the belief that left and right of a person's answers are not exchanged.
 
-    The stronger of what this frame says and what is remembered counts.
+    The stronger of what this frame says and what is remembered counts. Without measured joints nothing speaks
+    against an answer: then the probability is 1.
+
+    Parameters
+    ----------
+    sides : Sides
+        Of the frame before.
+    joints : (19, 3) float64
+        The answer.
+    measured : JointMeasurement or None
+    stamp_ns : int
+
+    Returns
+    -------
+    tuple of Sides, float
+        The new belief, and the probability.
     """
-
-    def __init__(self) -> None:
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget everything."""
-        self._logit, self._stamp_ns = 0.0, 0
-        self._joints: NDArray[np.float64] | None = None
-
-    def renew(self, joints: NDArray[np.float64], measured: JointMeasurement | None, stamp_ns: int) -> float:
-        """Return the probability for an answer's joints (19, 3); frames are passed in their order.
-
-        Without measured joints nothing speaks against an answer: then it is 1.
-        """
-        if measured is None:
-            return 1.0
-        p = min(max(float(measured.sides), _SUREST), 1.0 - _SUREST)
-        said = float(np.log(p / (1.0 - p))) * (1.0 if is_named_alike(joints, measured) else -1.0)
-        kept = self._logit * 0.5 ** (1e-9 * (stamp_ns - self._stamp_ns) / _HALF_LIFE_S)
-        if self._joints is not None and _is_turned(joints, self._joints):
-            kept = 0.0  # they turned round, or the answer changed its mind
-        self._logit = said if abs(said) >= abs(kept) else kept
-        self._stamp_ns, self._joints = stamp_ns, joints
-        return float(1.0 / (1.0 + np.exp(-self._logit)))
+    if measured is None:
+        return sides, 1.0
+    p = min(max(float(measured.sides), _SUREST), 1.0 - _SUREST)
+    said = float(np.log(p / (1.0 - p))) * (1.0 if is_named_alike(joints, measured) else -1.0)
+    kept = sides.logit * 0.5 ** (1e-9 * (stamp_ns - sides.stamp_ns) / _HALF_LIFE_S)
+    if sides.joints is not None and _is_turned(joints, sides.joints):
+        kept = 0.0  # they turned round, or the answer changed its mind
+    logit = said if abs(said) >= abs(kept) else kept
+    return Sides(logit, stamp_ns, joints), float(1.0 / (1.0 + np.exp(-logit)))
 
 
 def _is_turned(joints: NDArray[np.float64], before: NDArray[np.float64]) -> bool:

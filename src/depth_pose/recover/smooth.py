@@ -12,50 +12,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.config import SmoothConfig
+from depth_pose.track.state import FilterState
 
 SPEED_CUTOFF_HZ = 4.0
 """Cut-off frequency (Hz) of the filter on the speed; set by hand."""
 
 
-class JointFilter:
-    """Filters joint positions, each joint with its own speed."""
+def low_pass(
+    state: FilterState, positions: NDArray[np.float64], stamp_ns: int, config: SmoothConfig
+) -> FilterState:
+    """Filter one frame's joints, each with its own speed.
 
-    def __init__(self, config: SmoothConfig) -> None:
-        self.config = config
-        self.reset()
+    Parameters
+    ----------
+    state : FilterState
+        Of the frame before; the default for the first one.
+    positions : (19, 3) float64
+        Metres.
+    stamp_ns : int
+        The filter starts anew where it does not increase.
+    config : SmoothConfig
 
-    def reset(self) -> None:
-        """Reset the filter."""
-        self._stamp_ns: int | None = None
-
-    def filter(self, positions: NDArray[np.float64], stamp_ns: int) -> NDArray[np.float64]:
-        """Filter one frame's joints.
-
-        Parameters
-        ----------
-        positions : (19, 3) float64
-            Metres.
-        stamp_ns : int
-            Must increase between calls until `reset`.
-
-        Returns
-        -------
-        (19, 3) float64
-        """
-        if not self.config.enabled:
-            return positions
-        if self._stamp_ns is None or stamp_ns <= self._stamp_ns:
-            self._stamp_ns, self._last = stamp_ns, positions
-            self._velocity = np.zeros_like(positions)
-            return positions
-        dt = (stamp_ns - self._stamp_ns) * 1e-9
-        share = _share(np.full(1, SPEED_CUTOFF_HZ), dt)
-        self._velocity = self._velocity + share * ((positions - self._last) / dt - self._velocity)
-        speed = np.linalg.norm(self._velocity, axis=1)
-        cutoff = self.config.min_cutoff + self.config.beta * speed
-        self._last = self._last + _share(cutoff, dt)[:, None] * (positions - self._last)
-        self._stamp_ns = stamp_ns
-        return self._last
+    Returns
+    -------
+    FilterState
+        Its ``positions`` are the filtered ones.
+    """
+    if not config.enabled or state.stamp_ns is None or stamp_ns <= state.stamp_ns:
+        return FilterState(stamp_ns, positions, np.zeros_like(positions))
+    dt = (stamp_ns - state.stamp_ns) * 1e-9
+    share = _share(np.full(1, SPEED_CUTOFF_HZ), dt)
+    velocity = state.velocity + share * ((positions - state.positions) / dt - state.velocity)
+    cutoff = config.min_cutoff + config.beta * np.linalg.norm(velocity, axis=1)
+    filtered = state.positions + _share(cutoff, dt)[:, None] * (positions - state.positions)
+    return FilterState(stamp_ns, filtered, velocity)
 
 
 def _share(cutoff: NDArray[np.float64], dt: float) -> NDArray[np.float64]:

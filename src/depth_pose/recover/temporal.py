@@ -13,14 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
-from depth_pose.body.pose import BodyPose, FittedBody
+from depth_pose.body.build import build_space
+from depth_pose.body.pose import BodyPose, Fitted, FittedBody
 from depth_pose.body.rendered_depth import Observation
 from depth_pose.core.config import CpdConfig, TemporalConfig
 from depth_pose.paper import _cpd_kernels as kernels
 from depth_pose.paper.completion import MeshCompleter
 from depth_pose.paper.cpd import register
+from depth_pose.track.person_view import PersonView, thin
 
 Array = NDArray[np.float64]
+
+
+_MAX_POINTS = 450
+"""Maximum number of points of each of the two registered clouds; set by hand, for time."""
 
 
 class TemporalCarrier:
@@ -30,10 +36,29 @@ class TemporalCarrier:
         self, completer: MeshCompleter, config: TemporalConfig | None = None, cpd: CpdConfig | None = None
     ) -> None:
         self._completer = completer
+        self._space = build_space(completer.body)
         self.config = config or TemporalConfig()
         self._cpd = replace(cpd or CpdConfig(), beta=self.config.beta, stiffness=self.config.stiffness)
 
-    def carry(
+    def carry(self, before: PersonView, now: PersonView, last: Fitted) -> BodyPose:
+        """Carry the body of frame t-1 to frame t.
+
+        Parameters
+        ----------
+        before, now : PersonView
+            The person at t-1 and t.
+        last : Fitted
+            The body at t-1.
+
+        Returns
+        -------
+        BodyPose
+            The body at t; unchanged if no vertex was visible.
+        """
+        points = thin(before.points, _MAX_POINTS), thin(now.points, _MAX_POINTS)
+        return self.carry_body(*points, before.coarse, last.pose, self._space.body(last.build)).pose
+
+    def carry_body(
         self, before: Array, now: Array, coarse_before: Observation, pose: BodyPose, body: Body
     ) -> FittedBody:
         """Carry a body from frame t-1 to frame t.

@@ -10,11 +10,11 @@ from depth_pose.body.build import BuildSpace
 from depth_pose.body.build_file import KnownBuild, load_build
 from depth_pose.body.pose import FittedBody
 from depth_pose.core.config import FitConfig, PersonalConfig
-from depth_pose.refine.personal import BuildEvidence, PersonalBuild, Proposed
+from depth_pose.refine.personal import BuildEvidence, PersonalBuilds, Proposed, is_due
 from depth_pose.refine.proposed_bones import measure_bones
 from depth_pose.refine.proposed_depth import TrunkSkin
 from depth_pose.refine.upright_stance import find_standing
-from depth_pose.track.memory import Subject
+from depth_pose.track.state import Shape
 from depth_pose.track.target import FitTarget
 
 
@@ -38,60 +38,57 @@ class BuildLearner:
         self.space = space
         self._config = config
         self._evidence, self._skin = BuildEvidence(space, config, fit), TrunkSkin(space)
-        self._known = load_build(config.file) if config.file else None
+        self._builds = PersonalBuilds(config, space, load_build(config.file) if config.file else None)
         self.reset()
 
     def reset(self) -> None:
         """Forget the build that was learned from the most frames."""
-        self._longest: PersonalBuild | None = None
+        self._longest: Shape | None = None
 
     def best_known(self) -> KnownBuild | None:
         """Return the build learned from the most frames; None before the first."""
-        return self._longest.known() if self._longest is not None else None
+        return self._builds.known(self._longest) if self._longest is not None else None
 
-    def of(self, subject: Subject, scale: float, is_given: bool) -> PersonalBuild:
-        """Return a person's build, up to date.
+    def begin(self, shape: Shape, scale: float, is_given: bool) -> Shape:
+        """Return a person's shape with size and build up to date.
 
         Parameters
         ----------
-        subject : Subject
-            Holds the build.
+        shape : Shape
         scale : float
             Size found by the matcher.
         is_given : bool
             Whether the size is configured and fixed.
         """
-        if subject.build is None:
-            subject.build = PersonalBuild(self._config, self.space, self._known)
-        subject.build.take_size(scale, is_given)
-        return subject.build
+        return self._builds.take_size(shape, scale, is_given)
 
     def learn(
-        self, personal: PersonalBuild, target: FitTarget, fitted: FittedBody, score: float, stamp_ns: int
-    ) -> None:
-        """Learn from a fitted frame: from skin if it fits well, and always from proposed joints.
+        self, shape: Shape, target: FitTarget, fitted: FittedBody, score: float, stamp_ns: int
+    ) -> Shape:
+        """Learn from a fitted frame: from skin if it fits well, and always from measured joints.
 
         Parameters
         ----------
-        personal : PersonalBuild
+        shape : Shape
+            With which the body was fitted.
         target : FitTarget
-            The data that the body was fitted to.
+            The data that it was fitted to.
         fitted : FittedBody
         score : float
             Rendered-depth disagreement of the fitted body.
         stamp_ns : int
         """
-        if not self._config.personal or not personal.is_due(stamp_ns):
-            return
+        if not self._config.personal or not is_due(shape, stamp_ns):
+            return shape
         evidence = None
         if score <= self._config.worst_score:
-            body = self.space.body(personal.build)
-            evidence = self._evidence.find(body, target, fitted.pose, personal.build)
+            evidence = self._evidence.find(self.space.body(shape.build), target, fitted.pose, shape.build)
         standing = find_standing(target.proposals, fitted.nodes)
         proposed = None
         if standing is not None:
-            depth = self._skin.measure(standing, fitted, personal.build)
+            depth = self._skin.measure(standing, fitted, shape.build)
             proposed = Proposed(measure_bones(standing, fitted.nodes), depth)
-        personal.add(stamp_ns, score, evidence, proposed)
-        if personal.frames > 0 and (self._longest is None or personal.frames >= self._longest.frames):
-            self._longest = personal
+        shape = self._builds.add(shape, stamp_ns, score, evidence, proposed)
+        if shape.frames > 0 and (self._longest is None or shape.frames >= self._longest.frames):
+            self._longest = shape
+        return shape

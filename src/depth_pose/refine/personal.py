@@ -37,8 +37,10 @@ from depth_pose.core.skeleton import NODE_PARENTS
 from depth_pose.refine import _build_kernels as kernels
 from depth_pose.refine._articulated_kernels import USUAL_POINTS
 from depth_pose.refine.articulated import ArticulatedFitter
-from depth_pose.refine.proposed_bones import BoneLengths, ProposedBones
-from depth_pose.refine.proposed_depth import ProposedDepth, TrunkDepth
+from depth_pose.refine.proposed_bones import LENGTHS, BoneLengths, ProposedBones
+from depth_pose.refine.proposed_depth import DEPTHS, TrunkDepth, observe_depth
+from depth_pose.refine.running_median import forget
+from depth_pose.track.state import Shape
 from depth_pose.track.target import FitTarget
 
 Array = NDArray[np.float64]
@@ -183,8 +185,8 @@ def _segment_motions(free: NDArray[np.int64], nodes: Array) -> Array:
     return out
 
 
-class PersonalBuild:
-    """The learned size and build of one person.
+class PersonalBuilds:
+    """Size and proportions from the evidence on one person (`Shape`); what is the same for everybody is here.
 
     Parameters
     ----------
@@ -192,71 +194,59 @@ class PersonalBuild:
     space : BuildSpace
     known : KnownBuild, optional
         Previous estimate; the prior of adults by default.
-
-    Attributes
-    ----------
-    frames : int
-        Number of frames with evidence.
-    build : (13,) float32
-        The build in use. It follows the best estimate in steps, so that bodies are rarely rebuilt.
-    scale : float
-        The size that belongs to it, as float32; 0 before the first frame.
     """
 
     def __init__(self, config: PersonalConfig, space: BuildSpace, known: KnownBuild | None = None) -> None:
         self._config = config
-        size = 1 + len(BUILD_NAMES)
-        self._information, self._vector = np.zeros((size, size)), np.zeros(size)
-        self._prior, self._prior_vector = np.zeros((size, size)), np.zeros(size)
+        self._prior, self._prior_vector = np.zeros((_SIZE, _SIZE)), np.zeros(_SIZE)
         if known is None:
             self._prior[1:, 1:] = prior_information()
         else:
             spread = np.maximum([known.scale_spread, *known.spread], _LEAST_SPREAD)
             self._prior = np.diag(spread**-2)
             self._prior_vector = self._prior @ [np.log(known.scale), *known.build]
-        self._bones, self._depth = ProposedBones(space), ProposedDepth()
-        self._stamp_ns: int | None = None
-        self._solved_for: tuple[tuple[float, float], bool, int | None] | None = None
-        self._is_known = known is not None
-        self.frames, self._told = 0, 0.0
-        self.build = np.zeros(len(BUILD_NAMES), np.float32)
-        self.scale = 0.0
+        self._bones, self._is_known = ProposedBones(space), known is not None
 
-    def take_size(self, scale: float, is_given: bool) -> None:
-        """Begin a frame with the matcher's size, and update the build in use.
+    def take_size(self, shape: Shape, scale: float, is_given: bool) -> Shape:
+        """Begin a frame with the matcher's size, and update size and build in use.
+
+        They follow the best estimate in steps, so that bodies are rarely rebuilt.
 
         Parameters
         ----------
+        shape : Shape
         scale : float
             Size found by the matcher, one more observation.
         is_given : bool
             Whether the size is configured and fixed.
         """
-        self._size = (_GIVEN_SPREAD if is_given else _SIZE_SPREAD) ** -2, float(np.log(scale))
-        self._is_given = is_given
-        given = (self._size, is_given, self._stamp_ns)
-        if given == self._solved_for:
-            return
-        self._solved_for = given
-        x = self._solve()[0]
-        now = np.concatenate([[np.log(self.scale)], self.build]) if self.scale > 0.0 else np.inf
+        if shape.bones is None:
+            shape = _begun(shape)
+        told = (_GIVEN_SPREAD if is_given else _SIZE_SPREAD) ** -2, float(np.log(scale)), is_given
+        given = (told, shape.stamp_ns)
+        shape = shape._replace(told=told)
+        if given == shape.solved_at:
+            return shape
+        x = self._solve(shape)[0]
+        now = np.concatenate([[np.log(shape.scale)], shape.build]) if shape.scale > 0.0 else np.inf
         if np.abs(x - now).max() > _STEP:
-            self.scale, self.build = float(np.float32(np.exp(x[0]))), x[1:].astype(np.float32)
-
-    def _is_used(self) -> bool:
-        return self._is_known or self._told >= _FIRST_FRAMES
-
-    def is_due(self, stamp_ns: int) -> bool:
-        """Check that the last frame with evidence is long enough ago; adjacent frames are redundant."""
-        return self._stamp_ns is None or stamp_ns - self._stamp_ns >= _EVERY_NS
+            shape = shape._replace(scale=float(np.float32(np.exp(x[0]))), build=x[1:].astype(np.float32))
+        return shape._replace(solved_at=given)
 
     def add(
-        self, stamp_ns: int, score: float, evidence: Evidence | None, proposed: Proposed | None = None
-    ) -> None:
+        self,
+        shape: Shape,
+        stamp_ns: int,
+        score: float,
+        evidence: Evidence | None,
+        proposed: Proposed | None = None,
+    ) -> Shape:
         """Add a frame's evidence; earlier evidence decays slowly.
 
         Parameters
         ----------
+        shape : Shape
+            After `take_size`.
         stamp_ns : int
         score : float
             Rendered-depth disagreement of the fitted body; a higher one lowers the weight.
@@ -265,44 +255,77 @@ class PersonalBuild:
         proposed : Proposed, optional
             None if the person does not stand. Does not depend on the quality of the fit.
         """
-        if self._stamp_ns is not None:
-            kept = float(np.exp((self._stamp_ns - stamp_ns) * 1e-9 / self._config.memory))
-            self._information *= kept
-            self._vector *= kept
-            self._bones.forget(kept)
-            self._depth.forget(kept)
-        self._stamp_ns = stamp_ns
+        assert shape.bones is not None and shape.depth is not None, "a size comes before any evidence"
+        kept = 1.0
+        if shape.stamp_ns is not None:
+            kept = float(np.exp((shape.stamp_ns - stamp_ns) * 1e-9 / self._config.memory))
+        bones, depth, row = forget(shape.bones, kept), forget(shape.depth, kept), kept * shape.depth_row
         if proposed is not None:
-            self._bones.add(proposed.bones)
-            self._depth.add(proposed.depth)
+            lengths, deep = proposed
+            bones = LENGTHS.add(bones, lengths.lengths, lengths.sure)
+            depth = DEPTHS.add(depth, np.array([deep.depth]), np.array([deep.sure]))
+            row = row + deep.sure * deep.row
+        shape = shape._replace(
+            stamp_ns=stamp_ns,
+            information=kept * shape.information,
+            vector=kept * shape.vector,
+            bones=bones,
+            depth=depth,
+            depth_row=row,
+        )
         if evidence is None:
-            return
+            return shape
         share = min(1.0, _FITS_WELL / max(score, 1e-9)) ** 4
-        self._information += share / self._config.noise**2 * evidence.information
-        self._vector += share / self._config.noise**2 * evidence.vector
-        self.frames += 1
-        self._told += share
+        return shape._replace(
+            information=shape.information + share / self._config.noise**2 * evidence.information,
+            vector=shape.vector + share / self._config.noise**2 * evidence.vector,
+            frames=shape.frames + 1,
+            weight=shape.weight + share,
+        )
 
-    def known(self) -> KnownBuild:
+    def known(self, shape: Shape) -> KnownBuild:
         """Return the best estimate and its uncertainty, after the first frame."""
-        x, total = self._solve()
+        x, total = self._solve(shape)
         spread = np.sqrt(np.diag(np.linalg.inv(total)))
-        return KnownBuild(float(np.exp(x[0])), float(spread[0]), x[1:], spread[1:], self.frames)
+        return KnownBuild(float(np.exp(x[0])), float(spread[0]), x[1:], spread[1:], shape.frames)
 
-    def _solve(self) -> tuple[Array, Array]:
+    def _solve(self, shape: Shape) -> tuple[Array, Array]:
         """Solve for log size and build, (14,), and their total information, (14, 14).
 
         The skin's evidence is excluded until it is used.
         """
+        assert shape.bones is not None and shape.depth is not None, "a size comes before any evidence"
         total, vector = self._prior.copy(), self._prior_vector.copy()
-        if self._is_used():
-            total += self._information
-            vector += self._vector
-        weight, size = self._size
+        if self._is_known or shape.weight >= _FIRST_FRAMES:
+            total += shape.information
+            vector += shape.vector
+        weight, size, is_given = shape.told
         total[0, 0] += weight
         vector[0] += weight * size
-        x: Array = np.asarray(np.linalg.solve(*self._depth.observe(total, vector)), np.float64)
+        observed = observe_depth(shape.depth, shape.depth_row, total, vector)
+        x: Array = np.asarray(np.linalg.solve(*observed), np.float64)
         x[1:] = np.clip(x[1:], -MOST, MOST)
-        if not self._is_given:
-            x[0] -= self._bones.excess(x)
+        if not is_given:
+            x[0] -= self._bones.excess(shape.bones, x)
         return x, total
+
+
+_SIZE = 1 + len(BUILD_NAMES)
+"""Parameters: log size and build."""
+
+
+def is_due(shape: Shape, stamp_ns: int) -> bool:
+    """Check that the last frame with evidence is long enough ago; adjacent frames are redundant."""
+    return shape.stamp_ns is None or stamp_ns - shape.stamp_ns >= _EVERY_NS
+
+
+def _begun(shape: Shape) -> Shape:
+    """Return a shape with the average build and no evidence."""
+    return shape._replace(
+        build=np.zeros(len(BUILD_NAMES), np.float32),
+        information=np.zeros((_SIZE, _SIZE)),
+        vector=np.zeros(_SIZE),
+        bones=LENGTHS.empty(),
+        depth=DEPTHS.empty(),
+        depth_row=np.zeros(_SIZE),
+    )

@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 
 from depth_pose.body.build import BUILD_NAMES, BuildSpace
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES
-from depth_pose.refine.running_median import RunningMedian
+from depth_pose.refine.running_median import Bins
 from depth_pose.refine.upright_stance import SUREST, Standing
+from depth_pose.track.state import Histogram
 
 Array = NDArray[np.float64]
 
@@ -58,8 +59,11 @@ _PER_GIRTH, _BELIEVED = 0.25, 0.03
 FIRST_FRAMES = 3.0
 """Number of frames with the whole person clearly visible before proposals are used."""
 
-_SHORTEST_M, _STEP, _STEPS = 0.05, 0.02, 160
-"""Range and step of the length histogram: 2 % steps from 5 cm to 1.2 m."""
+_SHORTEST_M = 0.05
+"""Bones are at least this long (m)."""
+
+LENGTHS = Bins(len(BONES), float(np.log(_SHORTEST_M)), 0.02, 160)
+"""Histogram of the log lengths: 2 % steps from 5 cm to 1.2 m."""
 
 
 class BoneLengths(NamedTuple):
@@ -91,7 +95,7 @@ def measure_bones(standing: Standing, nodes: Array) -> BoneLengths:
 
 
 class ProposedBones:
-    """Proposed bone lengths of one person: weighted medians over frames.
+    """Compares a build with proposed bone lengths, weighted medians over frames.
 
     Parameters
     ----------
@@ -102,21 +106,14 @@ class ProposedBones:
         rest = space.template.nodes
         self._rest = rest[NODES[0]] - rest[NODES[1]]
         self._parts = space.nodes[:, NODES[0]] - space.nodes[:, NODES[1]]
-        self._told = RunningMedian(len(BONES), np.log(_SHORTEST_M), _STEP, _STEPS)
 
-    def forget(self, kept: float) -> None:
-        """Decay earlier frames to this share."""
-        self._told.forget(kept)
-
-    def add(self, bones: BoneLengths) -> None:
-        """Add a frame's proposed lengths."""
-        self._told.add(bones.lengths, bones.sure)
-
-    def excess(self, x: Array) -> float:
+    def excess(self, told: Histogram, x: Array) -> float:
         """Compute how much of the log size is due to clothes.
 
         Parameters
         ----------
+        told : Histogram
+            Of `LENGTHS`, over the person's frames.
         x : (14,) float64
             Logarithm of the size, and build.
 
@@ -125,13 +122,13 @@ class ProposedBones:
         float
             Amount to subtract from the log size; 0 where the proposals agree.
         """
-        total = self._told.total
+        total = told.total
         if total.max() < FIRST_FRAMES:
             return 0.0
-        told = total > 0.0
+        known = total > 0.0
         weight = np.zeros(len(total))
-        weight[told] = 1.0 / (_SPREAD[told] ** 2 + _ONE_FRAME**2 / total[told])
-        z = float(weight @ (self._lengths(x) - self._told.medians()) / weight.sum())
+        weight[known] = 1.0 / (_SPREAD[known] ** 2 + _ONE_FRAME**2 / total[known])
+        z = float(weight @ (self._lengths(x) - LENGTHS.medians(told)) / weight.sum())
         return max(0.0, z + _PER_GIRTH * float(x[_GIRTHS].mean()) - _BELIEVED)
 
     def _lengths(self, x: Array) -> Array:

@@ -24,8 +24,9 @@ from depth_pose.body.build import BUILD_NAMES, BuildSpace
 from depth_pose.body.pose import FittedBody
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, NODE_INDEX
 from depth_pose.refine.proposed_bones import FIRST_FRAMES
-from depth_pose.refine.running_median import RunningMedian
+from depth_pose.refine.running_median import Bins
 from depth_pose.refine.upright_stance import SUREST, Standing
+from depth_pose.track.state import Histogram
 
 Array = NDArray[np.float64]
 
@@ -41,8 +42,8 @@ _BELIEVED_M = 0.05
 _ERROR_M = 0.012
 """Standard deviation (m) of the proposed trunk depth of one person; measured 11 to 15 mm."""
 
-_NEAREST_M, _STEP_M, _STEPS = -0.3, 0.005, 140
-"""Range and step of the depth histogram: 5 mm steps up to 40 cm."""
+DEPTHS = Bins(1, -0.3, 0.005, 140)
+"""Histogram of the depths: 5 mm steps from -30 to 40 cm."""
 
 
 class TrunkDepth(NamedTuple):
@@ -92,30 +93,27 @@ class TrunkSkin:
         return TrunkDepth(depth, row, standing.sure * (float(weights.mean()) / SUREST) ** 2)
 
 
-class ProposedDepth:
-    """Proposed depth of one person's trunk: the weighted median over frames."""
+def observe_depth(told: Histogram, row_sum: Array, information: Array, vector: Array) -> tuple[Array, Array]:
+    """Add the missing depth to what is known of log size and build.
 
-    def __init__(self) -> None:
-        self._told = RunningMedian(1, _NEAREST_M, _STEP_M, _STEPS)
-        self._row = np.zeros(1 + len(BUILD_NAMES))
+    Parameters
+    ----------
+    told : Histogram
+        Of `DEPTHS`, over the person's frames.
+    row_sum : (14,) float64
+        Weighted sum of `TrunkDepth.row`.
+    information, vector : (14, 14), (14,) float64
+        Information on log size and build, and that times the value.
 
-    def forget(self, kept: float) -> None:
-        """Decay earlier frames to this share."""
-        self._told.forget(kept)
-        self._row *= kept
-
-    def add(self, told: TrunkDepth) -> None:
-        """Add a frame's proposed depth."""
-        self._told.add(np.array([told.depth]), np.array([told.sure]))
-        self._row += told.sure * told.row
-
-    def observe(self, information: Array, vector: Array) -> tuple[Array, Array]:
-        """Add the missing depth to the information (14, 14) and vector (14,) of log size and build."""
-        total = float(self._told.total[0])
-        if total < FIRST_FRAMES:
-            return information, vector
-        row, depth = self._row / total, float(self._told.medians()[0])
-        told = np.linalg.solve(information, np.stack([vector, row], axis=1))
-        objects = max(0.0, depth - float(row @ told[:, 0]) - _BELIEVED_M)
-        weight = (2.0 * objects / _ERROR_M) ** 2 / float(row @ told[:, 1])
-        return information + weight * np.outer(row, row), vector + weight * depth * row
+    Returns
+    -------
+    tuple of (14, 14), (14,) float64
+    """
+    total = float(told.total[0])
+    if total < FIRST_FRAMES:
+        return information, vector
+    row, depth = row_sum / total, float(DEPTHS.medians(told)[0])
+    solved = np.linalg.solve(information, np.stack([vector, row], axis=1))
+    objects = max(0.0, depth - float(row @ solved[:, 0]) - _BELIEVED_M)
+    weight = (2.0 * objects / _ERROR_M) ** 2 / float(row @ solved[:, 1])
+    return information + weight * np.outer(row, row), vector + weight * depth * row

@@ -1,56 +1,46 @@
-"""Weighted running medians with exponential forgetting."""
+"""Weighted running medians with exponential forgetting, from histograms of equal steps."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.track.state import Histogram
+
 Array = NDArray[np.float64]
 
 
-class RunningMedian:
-    """Medians of several numbers, from histograms of equal steps with interpolation.
+class Bins(NamedTuple):
+    """Bins of a histogram: ``rows`` numbers a frame, start, step and number; the outer bins are open."""
 
-    Parameters
-    ----------
-    rows : int
-        Numbers per frame.
-    first, step : float
-        Start and step of the histogram.
-    steps : int
-        Number of bins; values outside count in the first or last bin.
+    rows: int
+    first: float
+    step: float
+    steps: int
 
-    Attributes
-    ----------
-    total : (rows,) float64
-        Sums of weights.
-    """
+    def empty(self) -> Histogram:
+        """Return a histogram without counts."""
+        return Histogram(np.zeros((self.rows, self.steps)), np.zeros(self.rows))
 
-    def __init__(self, rows: int, first: float, step: float, steps: int) -> None:
-        self._first, self._step = first, step
-        self._counts = np.zeros((rows, steps))
-        self.total = np.zeros(rows)
-        self._medians: Array | None = None
+    def add(self, histogram: Histogram, values: Array, weights: Array) -> Histogram:
+        """Return the histogram with a frame's values and weights, (rows,) each."""
+        bins = np.clip(((values - self.first) / self.step).astype(np.int64), 0, self.steps - 1)
+        counts = histogram.counts.copy()
+        counts[np.arange(self.rows), bins] += weights
+        return Histogram(counts, histogram.total + weights)
 
-    def forget(self, kept: float) -> None:
-        """Decay earlier frames to this share."""
-        self._counts *= kept
-        self.total *= kept
+    def medians(self, histogram: Histogram) -> Array:
+        """Return the medians, (rows,), interpolated in their bins; rows without weight are undefined."""
+        up = np.cumsum(histogram.counts, axis=1)
+        half = 0.5 * up[:, -1]
+        step, rows = np.argmax(up >= half[:, None], axis=1), np.arange(self.rows)
+        own = histogram.counts[rows, step]
+        inside = (half - up[rows, step] + own) / np.maximum(own, 1e-12)
+        return np.asarray(self.first + self.step * (step + inside))
 
-    def add(self, values: Array, weights: Array) -> None:
-        """Add a frame's values and weights, (rows,) each."""
-        steps = ((values - self._first) / self._step).astype(np.int64)
-        self._counts[np.arange(len(steps)), np.clip(steps, 0, self._counts.shape[1] - 1)] += weights
-        self.total += weights
-        self._medians = None
 
-    def medians(self) -> Array:
-        """Return the medians, (rows,); rows without weight are undefined."""
-        if self._medians is None:
-            up = np.cumsum(self._counts, axis=1)
-            half = 0.5 * up[:, -1]
-            step, rows = np.argmax(up >= half[:, None], axis=1), np.arange(len(up))
-            own = self._counts[rows, step]
-            inside = (half - up[rows, step] + own) / np.maximum(own, 1e-12)
-            self._medians = self._first + self._step * (step + inside)
-        return self._medians
+def forget(histogram: Histogram, kept: float) -> Histogram:
+    """Return the histogram with earlier frames decayed to this share."""
+    return Histogram(histogram.counts * kept, histogram.total * kept)

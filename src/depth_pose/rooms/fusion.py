@@ -15,7 +15,7 @@ from depth_pose.body.pose import BodyPose
 from depth_pose.core.config import MAX_STAMP_GAP_NS, PipelineConfig
 from depth_pose.core.errors import InputError
 from depth_pose.core.types import Skeleton
-from depth_pose.recover.smooth import JointFilter
+from depth_pose.recover.smooth import low_pass
 from depth_pose.rooms.camera_frame import CameraFrame
 from depth_pose.rooms.merge import place
 from depth_pose.rooms.rig import ROOM_FRAME
@@ -140,7 +140,7 @@ class RoomFusion:
 
     def _answer_for(self, room_id: str, seen: Sequence[_Seen], stamp_ns: int) -> Skeleton:
         """Compute the skeleton of one person, from one camera or from several."""
-        memory = self._memories.setdefault(room_id, RoomMemory(JointFilter(self._smooth)))
+        memory = self._memories.setdefault(room_id, RoomMemory())
         person = self._tracks.person(room_id)
         assert person is not None, "a forgotten person has no view"
         answers = []
@@ -151,10 +151,11 @@ class RoomFusion:
             answers.append(Answer(view, view.pose_in_room(one.pose), one.skeleton.joint_confidence))
         if len(answers) > 1:
             return self._refiner.refine(answers, memory, person.velocity, stamp_ns, (ROOM_FRAME, room_id))
-        memory.kept.beam, memory.stamp_ns = (answers[0].pose,), stamp_ns
+        memory.follow(answers[0].pose, memory.state.answer.lead, stamp_ns)
         only = place(seen[0].skeleton, answers[0].view.T_room_camera, ROOM_FRAME)
-        positions = memory.filter.filter(only.positions, stamp_ns)
-        return replace(only, stamp_ns=stamp_ns, body_id=room_id, positions=positions)
+        filtered = low_pass(memory.state.filter, only.positions, stamp_ns, self._smooth)
+        memory.state = memory.state._replace(filter=filtered)
+        return replace(only, stamp_ns=stamp_ns, body_id=room_id, positions=filtered.positions)
 
 
 def _number(room_id: str) -> int:

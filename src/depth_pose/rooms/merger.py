@@ -6,14 +6,14 @@ Its z is up, the floor is at z = 0; metres.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.config import SmoothConfig
 from depth_pose.core.types import Skeleton
-from depth_pose.recover.smooth import JointFilter
+from depth_pose.recover.smooth import low_pass
 from depth_pose.rooms.jumps import JumpMeter
 from depth_pose.rooms.merge import PlacedSkeleton, merge_skeletons, place
 from depth_pose.rooms.room_person import RoomPerson
@@ -21,6 +21,7 @@ from depth_pose.rooms.sides import agree_on_sides
 from depth_pose.rooms.sightings import RoomSighting
 from depth_pose.rooms.tracks import RoomTracks
 from depth_pose.rooms.watch import CLOCK_S, CameraWatch
+from depth_pose.track.state import FilterState
 
 SEEN_NS = 200_000_000
 """Maximum age of a sighting that is merged (ns)."""
@@ -36,7 +37,7 @@ _SURE = 2.0
 class _Kept:
     """State of one person: the filter, and the last merged joints."""
 
-    filter: JointFilter
+    filter: FilterState = field(default_factory=FilterState)
     stamp_ns: int = 0
     positions: NDArray[np.float64] | None = None
 
@@ -172,11 +173,12 @@ class RoomMerger:
         ]
         if not seen:
             return None
-        kept = self._kept.setdefault(person.room_id, _Kept(JointFilter(self._smooth)))
+        kept = self._kept.setdefault(person.room_id, _Kept())
         before = kept.moved_to(stamp_ns, person.velocity)
         merged = merge_skeletons(agree_on_sides(seen, before), person.room_id, stamp_ns, self.frame_id)
         kept.stamp_ns, kept.positions = stamp_ns, merged.positions
-        return replace(merged, positions=kept.filter.filter(merged.positions, stamp_ns))
+        kept.filter = low_pass(kept.filter, merged.positions, stamp_ns, self._smooth)
+        return replace(merged, positions=kept.filter.positions)
 
     def _correct_clocks(self) -> None:
         """Correct the stamps of cameras whose people walk ahead or behind: the room's clock is camera 0's."""

@@ -9,27 +9,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
-from depth_pose.body.pose import BodyPose, FittedBody
-from depth_pose.body.rendered_depth import Comparison
+from depth_pose.body.pose import BodyPose, Fitted, FittedBody
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.core.types import Skeleton
-from depth_pose.recover.confidence import report_joints, skeleton_confidence
-from depth_pose.recover.measurements import weigh_joints
-from depth_pose.recover.smooth import JointFilter
+from depth_pose.recover.report import to_skeleton
+from depth_pose.recover.smooth import low_pass
 from depth_pose.refine.body_fitter import BodyFitter
 from depth_pose.refine.build_learner import BuildLearner
-from depth_pose.refine.kept_poses import KeptPoses, ScoredFit, by_score, choose_answer
-from depth_pose.refine.pose_prior import PosePrior, usual_joints
-from depth_pose.refine.proposals import from_proposals
+from depth_pose.refine.choice import choose
+from depth_pose.refine.hypotheses import Hypothesis, ScoredFit
+from depth_pose.refine.objective import Objective, Score
+from depth_pose.refine.solver import Effort, Problem, solve
 from depth_pose.rooms.room_fit import RoomFit
 from depth_pose.rooms.starts import best_limbs
 from depth_pose.rooms.view import View
-from depth_pose.track.memory import Subject
+from depth_pose.track.state import PersonState
 
-_ROUGH = 2
-"""Number of starts, the best after a glance, that are fitted roughly."""
+_EFFORT = Effort(roughs=2)
+"""Of the cameras' answers and of the best limbs of all, two are fitted roughly."""
 
 
 @dataclass(frozen=True)
@@ -56,22 +55,22 @@ class RoomMemory:
 
     Attributes
     ----------
-    filter : JointFilter
-    subject : Subject
-        Holds the build.
-    kept : KeptPoses
-        The last pose, room frame.
+    state : PersonState
+        With the last pose in the room's frame.
     stamp_ns : int
         Of the last answer.
     turn : int
         The number of answers: the cameras teach the build in turn.
     """
 
-    filter: JointFilter
-    subject: Subject = field(default_factory=Subject)
-    kept: KeptPoses = field(default_factory=KeptPoses)
+    state: PersonState = field(default_factory=PersonState)
     stamp_ns: int = 0
     turn: int = 0
+
+    def follow(self, pose: BodyPose, lead: float, stamp_ns: int) -> None:
+        """Remember an answer, from which the next fit starts."""
+        answer = self.state.answer._replace(followed=(pose,), lead=lead)
+        self.state, self.stamp_ns = self.state._replace(answer=answer), stamp_ns
 
 
 class RoomRefiner:
@@ -84,10 +83,9 @@ class RoomRefiner:
     """
 
     def __init__(self, bank: Bank, config: PipelineConfig) -> None:
-        self._bank, self._band = bank, config.match.score_band
-        self._scale_is_given = config.match.scale > 0.0
+        self._scale_is_given, self._smooth = config.match.scale > 0.0, config.smooth
         self.bodies = BodyFitter(bank.body, config.fitting)
-        self._prior = PosePrior(usual_joints(bank))
+        self._objective = Objective(bank, config.match.score_band)
         self._builds = BuildLearner(self.bodies.space, config.fitting.build, config.fitting.fit)
 
     def refine(
@@ -113,96 +111,81 @@ class RoomRefiner:
             Frame id and body id of the skeleton.
         """
         views = [answer.view for answer in answers]
-        weights = np.array([view.area for view in views])
-        size = float(np.exp(weights @ np.log([a.pose.scale for a in answers]) / weights.sum()))
-        personal = self._builds.of(memory.subject, size, self._scale_is_given)
-        fit = RoomFit(*self.bodies.both_of(personal.build), views)
-        best = self._best(
-            fit, answers, memory, velocity * ((stamp_ns - memory.stamp_ns) * 1e-9), personal.scale
+        shares = np.array([view.area for view in views])
+        shares /= shares.sum()
+        size = float(np.exp(shares @ np.log([a.pose.scale for a in answers])))
+        shape = self._builds.begin(memory.state.shape, size, self._scale_is_given)
+        way = velocity * ((stamp_ns - memory.stamp_ns) * 1e-9)
+        starts = _starts(answers, memory.state, way, shape.scale)
+        problem = Problem(
+            RoomFit(*self.bodies.both_of(shape.build), views),
+            lambda body: self._score(views, body, shares),
+            lambda _: [],
         )
-        memory.kept.beam, memory.stamp_ns = (best.body.pose,), stamp_ns
+        best, lead = choose(solve(starts, problem, _EFFORT), memory.state.answer.lead)
+        memory.follow(best.body.pose, lead, stamp_ns)
         memory.turn += 1
         teacher = views[memory.turn % len(views)]
         posed = teacher.body_in_camera(best.body)
-        score = self._disagreement(teacher, posed).score
-        self._builds.learn(personal, teacher.target, posed, score, stamp_ns)
-        return self._report(best, personal.build, views, weights, memory, stamp_ns, named)
+        score = self._objective.score(teacher.person, posed).depth
+        learned = self._builds.learn(shape, teacher.target, posed, score, stamp_ns)
+        memory.state = memory.state._replace(shape=learned)
+        return self._report(best, shape.build, views, shares, memory, stamp_ns, named)
 
-    def _best(
-        self,
-        fit: RoomFit,
-        answers: Sequence[Answer],
-        memory: RoomMemory,
-        way: NDArray[np.float64],
-        scale: float,
-    ) -> ScoredFit:
-        """Fit from the cameras' answers and from the last pose, and choose."""
-        views = [answer.view for answer in answers]
-        poses = [BodyPose(a.pose.rotations, a.pose.root, scale) for a in answers]
-        starts = [*poses, best_limbs(poses, [a.confidence for a in answers], scale)]
-        glances = sorted((self._compare(views, fit.glance(s)) for s in starts), key=by_score)
-        roughs = [self._compare(views, fit.rough(g.body.pose)) for g in glances[:_ROUGH]]
-        fresh = self._compare(views, fit.finish(min(roughs, key=by_score).body))
-        if not memory.kept.beam:
-            return fresh
-        last = memory.kept.beam[0]
-        kept = fit.rough(BodyPose(last.rotations, last.root + way, scale))
-        return choose_answer(memory.kept, fresh, self._compare(views, fit.finish(kept)))
-
-    def _compare(self, views: Sequence[View], body: FittedBody) -> ScoredFit:
-        """Compare a body in the room's frame with all views, weighted by the area that each sees."""
-        weights = np.array([view.area for view in views])
-        weights /= weights.sum()
+    def _score(self, views: Sequence[View], body: FittedBody, shares: NDArray[np.float64]) -> Score:
+        """Score a body in the room's frame, each view weighted by the area that it sees."""
         posed = [view.body_in_camera(body) for view in views]
-        seen = [self._disagreement(view, one) for view, one in zip(views, posed, strict=True)]
-        away = [from_proposals(one.nodes, v.person.measured) for v, one in zip(views, posed, strict=True)]
-        return ScoredFit(
-            body,
-            Comparison(float(weights @ [c.score for c in seen]), float(weights @ [c.gap for c in seen])),
-            float(weights @ away),
-            self._prior.excess(body.nodes, body.pose.scale),
-        )
-
-    def _disagreement(self, view: View, posed: FittedBody) -> Comparison:
-        return view.person.comparer.compare(posed.vertices, self._bank.body.faces, self._band)
+        return self._objective.score_views([view.person for view in views], posed, shares)
 
     def _report(
         self,
         best: ScoredFit,
         build: NDArray[np.float32],
         views: Sequence[View],
-        weights: NDArray[np.float64],
+        shares: NDArray[np.float64],
         memory: RoomMemory,
         stamp_ns: int,
         named: tuple[str, str],
     ) -> Skeleton:
-        """Fuse the fitted joints with each camera's proposals; a joint is as sure as its best camera is."""
-        fitted, scale = best.body.nodes[JOINT_NODES], best.body.pose.scale
-        places, confidence, states, whole = [], [], [], []
+        """Fuse the fitted joints with each camera's measured ones; each is as sure as in its best camera."""
+        told = []
         for view in views:
             posed = view.body_in_camera(best.body)
-            joints, score = posed.nodes[JOINT_NODES], self._disagreement(view, posed).score
-            sure = report_joints(joints, scale, view.person, score)
-            measured = weigh_joints(joints, score, sure.confidence, view.person.measured).joints
-            report = report_joints(measured, scale, view.person, score)
-            places.append(view.to_room(measured))
-            confidence.append(report.confidence)
-            states.append(report.states)
-            whole.append(skeleton_confidence(view.person, measured, report.states, report.confidence))
-        share = np.array(confidence) * weights[:, None]
-        mean = (share[..., None] * np.array(places)).sum(axis=0) / share.sum(axis=0)[:, None]
-        joint_confidence = np.max(confidence, axis=0)
+            seen = self._objective.score(view.person, posed)
+            answer = Fitted(named[1], stamp_ns, Source.REFINED, posed, build, seen.depth, seen.gap)
+            told.append(to_skeleton(view.person, answer))
+        places = np.array([view.to_room(t.positions) for view, t in zip(views, told, strict=True)])
+        confidence = np.array([t.joint_confidence for t in told], np.float64)
+        weight = confidence * shares[:, None]
+        mean = (weight[..., None] * places).sum(axis=0) / weight.sum(axis=0)[:, None]
+        filtered = low_pass(
+            memory.state.filter,
+            mean if np.isfinite(mean).all() else best.body.nodes[JOINT_NODES],
+            stamp_ns,
+            self._smooth,
+        )
+        memory.state = memory.state._replace(filter=filtered)
         return Skeleton(
             stamp_ns=stamp_ns,
             frame_id=named[0],
             body_id=named[1],
             source=Source.REFINED,
-            confidence=max(whole),
-            residual=best.comparison.gap,
-            scale=scale,
-            positions=memory.filter.filter(mean if np.isfinite(mean).all() else fitted, stamp_ns),
+            confidence=max(t.confidence for t in told),
+            residual=best.terms.gap,
+            scale=best.body.pose.scale,
+            positions=filtered.positions,
             quats_xyzw=matrix_to_quat(best.body.pose.rotations[JOINT_NODES]),
-            joint_confidence=joint_confidence.astype(np.float32),
-            joint_states=np.min(states, axis=0),
+            joint_confidence=confidence.max(axis=0).astype(np.float32),
+            joint_states=np.min([t.joint_states for t in told], axis=0),
             build=build,
         )
+
+
+def _starts(
+    answers: Sequence[Answer], state: PersonState, way: NDArray[np.float64], scale: float
+) -> list[Hypothesis]:
+    """Return the cameras' answers, the best limbs of all, and the last pose, moved by ``way``, metres."""
+    poses = [BodyPose(a.pose.rotations, a.pose.root, scale) for a in answers]
+    poses.append(best_limbs(poses, [a.confidence for a in answers], scale))
+    last = [BodyPose(p.rotations, p.root + way, scale) for p in state.answer.followed]
+    return [Hypothesis(p, "camera") for p in poses] + [Hypothesis(p, "previous") for p in last]

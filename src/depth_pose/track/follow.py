@@ -9,7 +9,7 @@ import numpy as np
 from depth_pose.core.config import FollowConfig
 from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.core.types import Skeleton
-from depth_pose.track.memory import MEMORY_NS
+from depth_pose.track.state import MEMORY_NS
 
 _PELVIS = JOINT_INDEX["pelvis"]
 

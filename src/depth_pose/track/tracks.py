@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
-from depth_pose.core.stamps import StampGuard
 from depth_pose.detect.segmentation import Detection
 from depth_pose.track import likeness
 from depth_pose.track.likeness import Size, Traits
-from depth_pose.track.memory import MEMORY_NS, RETURN_NS
+from depth_pose.track.state import MEMORY_NS, RETURN_NS
 
 _MOST_SPEED_M_S = 3.0
 """Maximum velocity used to predict a track (m/s)."""
@@ -112,7 +111,6 @@ class PeopleTracks:
 
     def __init__(self, start: float, sure: float, keep: float) -> None:
         self._start, self._sure, self._keep = start, sure, keep
-        self._guard = StampGuard()
         self._count = 0
         self.reset()
 
@@ -127,7 +125,7 @@ class PeopleTracks:
         self._count = 0
 
     def assign(self, detections: Sequence[Detection], stamp_ns: int) -> tuple[str | None, ...]:
-        """Assign ids to the detections of a frame.
+        """Assign ids to the detections of a frame; stamps increase between calls until `reset`.
 
         Parameters
         ----------
@@ -139,8 +137,6 @@ class PeopleTracks:
         tuple of str or None
             A body id for each; None for those not confirmed as a person.
         """
-        if self._guard.is_break(stamp_ns):
-            self.reset()
         self._tracks = [t for t in self._tracks if t.is_kept(stamp_ns)]
         self._before_ns, self._now_ns = self._now_ns, stamp_ns
         traits = [likeness.traits_of(s) for s in detections]

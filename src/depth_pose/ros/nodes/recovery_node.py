@@ -34,7 +34,9 @@ from depth_pose.track.follow import Follower
 class RecoveryNode(BankNode):
     """Finds failures, recovers from them over time, and smooths (Sec. 6, last part)."""
 
-    SECTIONS = ("mount", "recover", "smooth", "match", "follow", "fit", "cpd", "completion", "temporal")
+    SECTIONS = (
+        "mount", "recover", "smooth", "match", "refine", "follow", "fit", "cpd", "completion", "temporal",
+    )  # fmt: skip
     SETTINGS = RECOVERY
 
     def __init__(self) -> None:

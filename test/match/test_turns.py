@@ -102,7 +102,7 @@ def test_the_size_is_not_sought_anew_whenever_the_image_wavers(bank, people) -> 
     matcher, frames = shared.make_matcher(), []
     for k in range(16):
         matcher.match(cut(syn.restamped(people, k * 33_000_000), is_cut=k % 3 == 1))
-        frames.append(shared.subjects["body_1"].match.size.finder.frames)
+        frames.append(shared.states["body_1"].shape.search.frames)
     assert frames[2:] == [3] * 14
 
 
@@ -111,5 +111,5 @@ def test_the_size_is_sought_anew_once_somebody_is_whole_for_good(bank, people) -
     matcher, frames = shared.make_matcher(), []
     for k in range(12):
         matcher.match(cut(syn.restamped(people, k * 33_000_000), is_cut=k < 4))
-        frames.append(shared.subjects["body_1"].match.size.finder.frames)
+        frames.append(shared.states["body_1"].shape.search.frames)
     assert frames == [1, 2, 3, 3, 3, 3, 3, 3, 1, 2, 3, 3]

@@ -1,0 +1,110 @@
+r"""One score for every pose of a person: how far it is from what was seen, measured and usual.
+
+.. math:: s = d + w_a\, a + w_o\, \min(1, a)\, o
+
+with the disagreement :math:`d` of rendered and observed depth, 0 to 1 (`depth_pose.body.rendered_depth`), the
+mean distance :math:`a` of the joints from the measured ones in standard deviations, and the excess :math:`o`
+of the pose prior (`depth_pose.refine.pose_prior`). The prior is for what measurements leave open: near them,
+an unusual pose costs less; without a measurement it counts in full. The same score compares and chooses
+poses in every stage, and for several cameras; the matcher ranks exemplars by its first term.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from depth_pose.bank.bank import Bank
+from depth_pose.body.pose import FittedBody
+from depth_pose.body.rendered_depth import Comparison
+from depth_pose.refine.pose_prior import PosePrior, usual_joints
+from depth_pose.refine.proposals import from_proposals
+from depth_pose.track.person_view import PersonView
+
+
+class Weights(NamedTuple):
+    """Weights of the terms, relative to the depth term.
+
+    Attributes
+    ----------
+    away : float
+        Of each standard deviation from the measured joints; .06 keeps a leg that kneels in a wrong place, .09
+        and .16 are as good.
+    odd : float
+        Of each standard deviation above the usual.
+    """
+
+    away: float = 0.12
+    odd: float = 0.2
+
+
+WEIGHTS = Weights()
+
+
+class Score(NamedTuple):
+    """A pose's score and its terms; lower is better.
+
+    Attributes
+    ----------
+    total : float
+    depth : float
+        Disagreement with the depth image, 0 to 1.
+    gap : float
+        Mean depth difference where body and person overlap, metres; not part of the total.
+    away : float
+        Mean distance of the joints from the measured ones, standard deviations; 0 without.
+    odd : float
+        Excess of the pose prior, standard deviations; less where the pose is near the measured joints.
+    """
+
+    total: float
+    depth: float
+    gap: float
+    away: float
+    odd: float
+
+
+class Objective:
+    """Scores fitted bodies.
+
+    Parameters
+    ----------
+    bank : Bank
+        Its poses are the usual ones.
+    band : float
+        Depth difference that counts as a full mismatch, metres (`MatchConfig.score_band`).
+    weights : Weights
+
+    Attributes
+    ----------
+    usual : (N, 19, 3) float64
+        `usual_joints` of the bank.
+    """
+
+    def __init__(self, bank: Bank, band: float, weights: Weights = WEIGHTS) -> None:
+        self.usual = usual_joints(bank)
+        self._faces, self._band, self._weights = bank.body.faces, band, weights
+        self._prior = PosePrior(self.usual)
+
+    def score(self, person: PersonView, body: FittedBody) -> Score:
+        """Score a body in the camera frame of one view."""
+        seen = person.comparer.compare(body.vertices, self._faces, self._band)
+        return self.score_seen(person, body, seen)
+
+    def score_seen(self, person: PersonView, body: FittedBody, seen: Comparison) -> Score:
+        """Score a body that was compared with the depth image already."""
+        away = from_proposals(body.nodes, person.measured)
+        open_share = 1.0 if person.measured is None else min(1.0, away)
+        odd = open_share * self._prior.excess(body.nodes, body.pose.scale)
+        total = seen.score + self._weights.away * away + self._weights.odd * odd
+        return Score(total, seen.score, seen.gap, away, odd)
+
+    def score_views(
+        self, persons: Sequence[PersonView], bodies: Sequence[FittedBody], shares: NDArray[np.float64]
+    ) -> Score:
+        """Score a body seen by several cameras: the mean of its scores, weighted by ``shares`` (V,)."""
+        scores = [self.score(person, body) for person, body in zip(persons, bodies, strict=True)]
+        return Score._make(float(shares @ column) for column in zip(*scores, strict=True))
