@@ -31,7 +31,7 @@ SECTIONS: tuple[str, ...] = tuple(f.name for f in fields(PipelineConfig))
 
 
 FIXED_SECTIONS: tuple[str, ...] = ("mount",)
-"""Sections that must be equal for several nodes: set at the start for all, refused for one alone later."""
+"""Sections shared by several nodes; they can be set only at start-up."""
 
 COMMON: tuple[Setting, ...] = (
     Setting("queue", 1, "Length of the frame queue; 1: the newest wins", 1, 10000),
