@@ -127,8 +127,8 @@ def recorded_source(
     from depth_pose.rooms.placed_camera import answers_in_frames
     from depth_pose.rooms.recorded import has_room, read_recorded
     from depth_pose.rooms.rigfile import load_rig
-    from depth_pose.viewer.known_room import KnownRoom, level_sensor, source_without_depth
-    from depth_pose.viewer.source import RecordedSource
+    from depth_pose.viewer.known_room import KnownRoom, level_sensor
+    from depth_pose.viewer.source import RecordedSource, source_without_depth
 
     is_room = skeletons is None and has_room(recording, topic)
     if is_room and camera is None and rig is not None:

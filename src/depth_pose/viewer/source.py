@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from depth_pose.core.camera import Camera
 from depth_pose.core.errors import DepthPoseError
 from depth_pose.core.types import DepthFrame, Skeleton
+from depth_pose.rooms.merge import place
 from depth_pose.rooms.placed_camera import Answer
+from depth_pose.rooms.recorded import RecordedPeople
 from depth_pose.viewer.frames import ViewerFrame, keep
+from depth_pose.viewer.known_room import KnownRoom
 from depth_pose.viewer.playback import Playback
 
 if TYPE_CHECKING:
     from depth_pose.ros.tools.watch import NodeState, Watch
-    from depth_pose.viewer.known_room import KnownRoom
 
 _RECENT_NS = 1_000_000_000
 """Time for which a person is shown without a new answer: busy nodes process people in turn, so that each of
 three people is answered in every third frame. Set by hand."""
+
+_NO_IMAGE = Camera(1, 1, 1.0, 1.0, 0.0, 0.0)
+"""Camera of the empty depth image, for frames without depth."""
 
 
 class Recent:
@@ -138,3 +146,17 @@ class RecordedSource:
             self.error = str(error)
         finally:
             self.playback.finish()
+
+
+def source_without_depth(people: RecordedPeople, room: KnownRoom) -> RecordedSource:
+    """Return the frames of skeletons in the room's frame, without depth."""
+    T_sensor_room = np.asarray(np.linalg.inv(room.T_room_sensor), np.float64)
+
+    def frames() -> Iterator[DepthFrame]:
+        for stamp_ns in people.stamps_ns:
+            yield DepthFrame(stamp_ns, "sensor", np.zeros((1, 1), np.float32), _NO_IMAGE)
+
+    def answer(frame: DepthFrame) -> tuple[Skeleton, ...]:
+        return tuple(place(s, T_sensor_room, frame.frame_id) for s in people.answers[frame.stamp_ns])
+
+    return RecordedSource(frames(), answer, 1, room)

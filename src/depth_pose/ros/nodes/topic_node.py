@@ -145,9 +145,9 @@ class TopicNode(LifecycleNode, ABC):
         more = f" ({total - before} of these since the last such line)" if total - before > 1 else ""
         self.get_logger().warning(f"dropped, {reason}: {printable(detail)}{more}")
 
-    def count(self, what: str) -> None:
-        """Count an event for the diagnostics that is not a drop."""
-        self.statistics.counts[what] += 1
+    def count(self, what: str, count: int = 1) -> None:
+        """Count events for the diagnostics that are not drops."""
+        self.statistics.counts[what] += count
 
     def close_topics(self) -> None:
         """Close all topics."""

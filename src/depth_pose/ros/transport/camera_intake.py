@@ -7,9 +7,9 @@ from typing import Any
 
 from rclpy.subscription import Subscription
 
+from depth_pose.ros.transport.host import FrameConsumer
 from depth_pose.ros.transport.intake import (
     NO_EVENTS,
-    FrameConsumer,
     Input,
     frame_qos,
     is_sent_reliable,

@@ -13,7 +13,8 @@ from rclpy.subscription import Subscription
 
 from depth_pose.core.errors import DepthPoseError
 from depth_pose.ros.messages.basics import stamp_to_ns
-from depth_pose.ros.transport.losses import BusyTimes, count_lost, packet_loss_advice
+from depth_pose.ros.transport.host import FrameConsumer
+from depth_pose.ros.transport.losses import count_lost, packet_loss_advice
 from depth_pose.ros.transport.pairing import Pairer
 
 PAIR_DEPTH = 64
@@ -52,51 +53,6 @@ class Input:
     kind: type
     topic: str
     sensor: bool = False
-
-
-class FrameConsumer(Protocol):
-    """Interface of a node that processes frames: `depth_pose.ros.nodes.node_base.StageNode`.
-
-    Attributes
-    ----------
-    lossless : bool
-        Whether it processes every frame in turn; else the newest wins.
-    queue : int
-        Frames that may wait.
-    is_active : bool
-        Whether frames are answered.
-    busy : BusyTimes
-        Intervals in which it was busy with a frame.
-    create_subscription, destroy_subscription, resolve_topic_name, count_publishers, get_logger
-    get_publishers_info_by_topic
-        Methods of rclpy's Node.
-    """
-
-    lossless: bool
-    queue: int
-    is_active: bool
-    busy: BusyTimes
-    create_subscription: Callable[..., Subscription]
-    destroy_subscription: Callable[[Subscription], bool]
-    resolve_topic_name: Callable[[str], str]
-    count_publishers: Callable[[str], int]
-    get_publishers_info_by_topic: Callable[[str], list[Any]]
-    get_logger: Callable[[], Any]
-
-    def on_message(self, topic: str) -> None:
-        """Record the arrival of a message."""
-
-    def count(self, what: str) -> None:
-        """Count an event that is not a drop."""
-
-    def drop(self, reason: str, detail: str, count: int = 1) -> None:
-        """Count frames without an answer."""
-
-    def process(self, messages: tuple[Any, ...]) -> None:
-        """Process a complete frame."""
-
-    def guard(self, topic: str, call: Callable[..., None], *arguments: Any) -> None:
-        """Call the handler; log exceptions instead of raising."""
 
 
 class FrameSource(Protocol):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +12,9 @@ from sensor_msgs.msg import Imu
 
 from depth_pose.core.rotations import unit_vectors
 from depth_pose.rooms.transform_tree import TransformTree
+from depth_pose.ros.transport.host import TopicHost
 from depth_pose.ros.transport.rig_source import add_transforms
 from depth_pose.ros.transport.tf import TF_QUEUE, tf_message
-
-if TYPE_CHECKING:
-    from depth_pose.ros.nodes.node_base import StageNode
 
 Array = NDArray[np.float64]
 
@@ -38,13 +36,13 @@ class Level:
 
     Parameters
     ----------
-    node : StageNode
+    node : TopicHost
         With the parameters of `depth_pose.ros.nodes.parameters.LEVEL`.
     clock : callable
         Seconds; for tests.
     """
 
-    def __init__(self, node: StageNode, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, node: TopicHost, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock, self._tree = clock, TransformTree()
         self._imu, self._level = str(node.value("imu_topic")), str(node.value("level_frame"))
         self._mean, self._count, self._frame, self._taken = np.zeros(3), 0, "", -np.inf

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import TransformStamped
@@ -19,11 +19,9 @@ from depth_pose.rooms.rig import RigCamera
 from depth_pose.rooms.rigfile import Rig, load_rig, upright_from
 from depth_pose.rooms.transform_tree import TransformTree, pose_matrix
 from depth_pose.ros.setting import Setting
+from depth_pose.ros.transport.host import TopicHost
 from depth_pose.ros.transport.intake import LOG_EVERY_S
 from depth_pose.ros.transport.tf import tf_message
-
-if TYPE_CHECKING:
-    from depth_pose.ros.nodes.node_base import StageNode
 
 Array = NDArray[np.float64]
 
@@ -46,11 +44,11 @@ class RigSource:
 
     Parameters
     ----------
-    node : StageNode
+    node : TopicHost
         With the parameters of `RIG_SETTINGS`.
     """
 
-    def __init__(self, node: StageNode) -> None:
+    def __init__(self, node: TopicHost) -> None:
         self._node = node
         self._done: Callable[[Rig], None] | None = None
         self.rig: Rig | None = None

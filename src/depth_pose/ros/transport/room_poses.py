@@ -5,19 +5,17 @@ from __future__ import annotations
 import importlib.util
 import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.printable import printable
 from depth_pose.rooms.transform_tree import TransformTree
+from depth_pose.ros.transport.host import TopicHost
 from depth_pose.ros.transport.intake import LOG_EVERY_S
 from depth_pose.ros.transport.rig_source import SENDERS, add_transforms
 from depth_pose.ros.transport.tf import Transforms, stamped, tf_message
-
-if TYPE_CHECKING:
-    from depth_pose.ros.nodes.node_base import StageNode
 
 Array = NDArray[np.float64]
 
@@ -34,13 +32,13 @@ class RoomPoses:
 
     Parameters
     ----------
-    node : StageNode
+    node : TopicHost
     room_frame : str
     T_room_camera : sequence of (4, 4) float64 or None
         By the rig file, one for each camera.
     """
 
-    def __init__(self, node: StageNode, room_frame: str, T_room_camera: Sequence[Array | None]) -> None:
+    def __init__(self, node: TopicHost, room_frame: str, T_room_camera: Sequence[Array | None]) -> None:
         self._node, self._room = node, room_frame
         self._given = list(T_room_camera)
         self._tree = TransformTree()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Point, Pose, Quaternion, Transform, TransformStamped, Vector3
@@ -16,9 +16,7 @@ from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.core.skeleton import JOINTS
 from depth_pose.core.types import Skeleton
 from depth_pose.ros.messages.basics import make_header
-
-if TYPE_CHECKING:
-    from depth_pose.ros.nodes.node_base import StageNode
+from depth_pose.ros.transport.host import TopicHost
 
 TF_QUEUE = 100
 """Queue length of ``/tf``; that of tf2."""
@@ -55,14 +53,14 @@ class Transforms:
 
     Parameters
     ----------
-    node : StageNode
+    node : TopicHost
     what : str
         Feature that needs it, for the error if `tf2_msgs` is missing.
     static : bool
         On ``/tf_static``; each message repeats all transforms: late subscribers get only the last one.
     """
 
-    def __init__(self, node: StageNode, what: str, static: bool = False) -> None:
+    def __init__(self, node: TopicHost, what: str, static: bool = False) -> None:
         self._message = tf_message(what)
         self._sent: dict[str, TransformStamped] = {}
         self._static = static

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.subscription import Subscription
@@ -12,6 +12,7 @@ from sensor_msgs.msg import Image
 
 from depth_pose.core.errors import InputError
 from depth_pose.io.messages import read_image
+from depth_pose.ros.transport.host import FrameConsumer
 from depth_pose.ros.transport.intake import (
     LOG_EVERY_S,
     NO_EVENTS,
@@ -21,9 +22,6 @@ from depth_pose.ros.transport.intake import (
     waiting,
 )
 from depth_pose.volume.synchroniser import Synchroniser, ViewSet
-
-if TYPE_CHECKING:
-    from depth_pose.ros.nodes.node_base import StageNode
 
 _QUEUE = 8
 """Queue length of each camera: all images are received, so that dropped sets are counted."""
@@ -43,12 +41,12 @@ class ViewSetIntake:
 
     Parameters
     ----------
-    node : StageNode
+    node : FrameConsumer
     topics : sequence of str
     synchroniser : Synchroniser
     """
 
-    def __init__(self, node: StageNode, topics: Sequence[str], synchroniser: Synchroniser) -> None:
+    def __init__(self, node: FrameConsumer, topics: Sequence[str], synchroniser: Synchroniser) -> None:
         self.inputs = tuple(Input(Image, node.resolve_topic_name(t), sensor=True) for t in topics)
         self.arrivals = 0
         self.synchroniser = synchroniser
@@ -145,9 +143,9 @@ class ViewSetIntake:
         number, last = info.get("publication_sequence_number") or 0, self._numbers[camera]
         self._numbers[camera] = number
         if last and number > last + 1:
-            self._node.statistics.counts[f"missed: {topic}"] += number - last - 1
+            self._node.count(f"missed: {topic}", number - last - 1)
         if not self._node.is_active:
-            self._node.statistics.counts["ignored while paused"] += 1
+            self._node.count("ignored while paused")
             return
         try:
             image = read_image(data)
