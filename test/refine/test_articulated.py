@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import synthetic as syn
+from depth_pose.body import _nearest_kernels as nearest_kernels
 from depth_pose.body.feet import heel_vertices
 from depth_pose.body.pose import BodyPose
 from depth_pose.body.rendered_depth import Observation
@@ -21,7 +22,6 @@ from depth_pose.refine import _articulated_kernels as kernels
 from depth_pose.refine import _tree_kernels as tree
 from depth_pose.refine import _visibility_kernels as visibility
 from depth_pose.refine.articulated import ArticulatedFitter
-from depth_pose.track import _target_kernels as target_kernels
 
 LIMBS = [f"{side}_{joint}" for side in ("left", "right") for joint in ("shoulder", "elbow", "hip", "knee")]
 
@@ -477,7 +477,7 @@ def test_free_space_pulls_into_the_silhouette_and_behind_the_surface(fitter):
     labels[:, 70:] = UNKNOWN
     depth = np.where(labels == PERSON, np.float32(2.0), np.float32(0.0))
     nearest = np.empty((60, 80, 2), np.int32)
-    target_kernels.nearest_person(labels, nearest)
+    nearest_kernels.nearest_person(labels, nearest)
     c = syn.CAMERA._replace(cx=39.5, cy=29.5)
     settings = fitter.settings._replace(free_space_slack=0.04, free_space_limit=0.10)
 
@@ -505,7 +505,7 @@ def test_nearest_person_pixels_twin():
     rng = np.random.default_rng(0)
     labels = (rng.random((40, 50)) < 0.02).astype(np.uint8)
     nearest = np.empty((40, 50, 2), np.int32)
-    target_kernels.nearest_person(labels, nearest)
+    nearest_kernels.nearest_person(labels, nearest)
     people = np.argwhere(labels == PERSON)
     for i, j in np.ndindex(40, 50):
         assert labels[tuple(nearest[i, j])] == PERSON

@@ -7,14 +7,13 @@ import pytest
 
 import synthetic as syn
 from depth_pose.body.pose import BodyPose, FittedBody
-from depth_pose.body.rendered_depth import DepthComparer, Observation
+from depth_pose.body.rendered_depth import DepthComparer, Observation, nearest_person_pixels
 from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.refine import _limb_kernels as kernels
 from depth_pose.refine._reach_kernels import Limbs, reach
 from depth_pose.refine.articulated import ArticulatedFitter
 from depth_pose.refine.limbs import LimbSearch, may_be_legs
-from depth_pose.track.target import nearest_person_pixels
 
 DOWN = syn.rotation("z", -38.0), syn.rotation("z", 38.0)
 FORWARD = syn.rotation("x", -20.0) @ syn.rotation("y", -60.0)

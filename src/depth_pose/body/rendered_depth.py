@@ -9,11 +9,13 @@ failures.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.body._nearest_kernels import nearest_person
 from depth_pose.core import _raster_kernels as kernels
 from depth_pose.core.camera import Camera
 
@@ -55,6 +57,13 @@ def observe(
     )
 
 
+def nearest_person_pixels(observation: Observation) -> NDArray[np.int32]:
+    """Find row and column of the nearest person pixel for every pixel, shape (h, w, 2)."""
+    nearest = np.empty((*observation.labels.shape, 2), np.int32)
+    nearest_person(observation.labels, nearest)
+    return nearest
+
+
 def render_depth(
     vertices: NDArray[np.float64], faces: NDArray[np.int32], camera: Camera
 ) -> NDArray[np.float32]:
@@ -87,6 +96,11 @@ class DepthComparer:
         self.observation = observation
         self.zbuffer = np.empty(observation.depth.shape, np.float32)
         self._sums = np.empty(5)
+
+    @cached_property
+    def nearest(self) -> NDArray[np.int32]:
+        """Row and column (h, w, 2) of the nearest person pixel to every pixel."""
+        return nearest_person_pixels(self.observation)
 
     def compare(self, vertices: NDArray[np.float64], faces: NDArray[np.int32], band: float) -> Comparison:
         """Render a mesh in the camera frame and compare it with the observation.

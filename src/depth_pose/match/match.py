@@ -36,7 +36,7 @@ from depth_pose.match.proposed_exemplars import ProposedExemplars
 from depth_pose.match.scale import SCALES, SizeFinder, Trial
 from depth_pose.match.search import SubspaceSearch
 from depth_pose.match.upright_exemplars import UprightExemplars, head_axes
-from depth_pose.track.person_view import FramePeople, PersonView, thin_image
+from depth_pose.track.person_view import FramePeople, PersonView
 from depth_pose.track.sample_people import sample_people
 from depth_pose.track.state import PersonState, PersonStates, SizeSearch
 from depth_pose.track.time_budget import TimeBudget
@@ -290,4 +290,4 @@ def _with_facing(rows: NDArray[np.int64], most: int, alike: NDArray[np.bool_]) -
 
 def _thinned(person: PersonView, spacing_m: float) -> Observation:
     """Subsample the half-resolution image to the required spacing."""
-    return thin_image(person.coarse, float(person.points[:, 2].mean()), spacing_m)
+    return person.thinned(spacing_m)

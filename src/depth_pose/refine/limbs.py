@@ -26,7 +26,6 @@ from depth_pose.core.rotations import mirror_rotation, quat_to_matrix
 from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX, mirror_rotations
 from depth_pose.refine import _limb_kernels as kernels
 from depth_pose.refine._reach_kernels import Limbs, reach
-from depth_pose.track.target import nearest_person_pixels
 
 _LIMBS: tuple[tuple[int, str, tuple[str, ...], tuple[str, ...]], ...] = (
     (3, "chest", ("clavicle", "shoulder", "elbow", "wrist"), ("shoulder", "elbow", "wrist")),
@@ -145,7 +144,7 @@ class LimbSearch:
         list of BodyPose
             Poses with other arms, and with other legs, where the input shows any part of them.
         """
-        nearest = nearest_person_pixels(comparer.observation)
+        nearest = comparer.nearest
         proposals = []
         for pair in self.pairs:
             proposals += _exchange(pair, body, comparer, nearest)

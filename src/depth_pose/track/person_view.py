@@ -14,13 +14,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.rendered_depth import DepthComparer, Observation, observe
+from depth_pose.body.rendered_depth import DepthComparer, Observation, nearest_person_pixels, observe
 from depth_pose.core.camera import Camera
 from depth_pose.core.measurement import NO_PROPOSALS, JointMeasurement, both_namings
 from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.core.types import PERSON, TrackedPerson
 from depth_pose.track import _person_kernels as kernels
-from depth_pose.track.target import FitTarget, nearest_person_pixels
+from depth_pose.track.target import FitTarget
 
 MIN_POINTS = 100
 """Least number of points of a person that can be matched; set by hand."""
@@ -46,7 +46,7 @@ NO_FLOOR = np.zeros(4)
 
 @dataclass(frozen=True)
 class PersonView:
-    """One person in one frame.
+    """One person in one frame: what matching, fitting and recovery need, each made once.
 
     Attributes
     ----------
@@ -96,14 +96,33 @@ class PersonView:
         return DepthComparer(self.coarse)
 
     @cached_property
-    def _target(self) -> FitTarget:
-        nearest, proposals = nearest_person_pixels(self.full), both_namings(self.measured)
-        return FitTarget(self.points, self.full, self.coarse, nearest, proposals, self.floor)
+    def _targets(self) -> dict[int, FitTarget]:
+        return {}
+
+    @cached_property
+    def _thinned(self) -> dict[float, Observation]:
+        return {}
 
     def target(self, most_points: int, *, with_proposals: bool = True) -> FitTarget:
         """Return the data that a body is fitted to, with at most ``most_points`` points."""
-        target = self._target._replace(points=thin(self.points, most_points))
+        if not self._targets:
+            nearest, proposals = nearest_person_pixels(self.full), both_namings(self.measured)
+            self._targets[len(self.points)] = FitTarget(
+                self.points, self.full, self.coarse, nearest, proposals, self.floor
+            )
+        count = min(most_points, len(self.points))
+        if count not in self._targets:
+            whole = self._targets[len(self.points)]
+            self._targets[count] = whole._replace(points=thin(self.points, count))
+        target = self._targets[count]
         return target if with_proposals else target._replace(proposals=NO_PROPOSALS)
+
+    def thinned(self, spacing_m: float) -> Observation:
+        """Return the half-resolution window with at most this pixel spacing at the person, metres."""
+        if spacing_m not in self._thinned:
+            distance = float(self.points[:, 2].mean())
+            self._thinned[spacing_m] = thin_image(self.coarse, distance, spacing_m)
+        return self._thinned[spacing_m]
 
 
 @dataclass(frozen=True)

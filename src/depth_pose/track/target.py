@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from depth_pose.body.rendered_depth import Observation
 from depth_pose.core.measurement import Proposals
-from depth_pose.track import _target_kernels as kernels
 
 
 class FitTarget(NamedTuple):
@@ -35,10 +34,3 @@ class FitTarget(NamedTuple):
     nearest: NDArray[np.int32]
     proposals: Proposals
     floor: NDArray[np.float64]
-
-
-def nearest_person_pixels(observation: Observation) -> NDArray[np.int32]:
-    """Find row and column of the nearest person pixel for every pixel, shape (h, w, 2)."""
-    nearest = np.empty((*observation.labels.shape, 2), np.int32)
-    kernels.nearest_person(observation.labels, nearest)
-    return nearest

@@ -1,4 +1,4 @@
-"""Compiled loops that prepare a person's window for the fit."""
+"""Compiled loops that find the nearest person pixel of every pixel."""
 
 from __future__ import annotations
 
