@@ -4,8 +4,8 @@
     python benchmarks/accuracy.py ablation --data DATA           # one part left out at a time
     python benchmarks/accuracy.py confidence --check DATA        # fits and checks the confidence of joints
     python benchmarks/accuracy.py builds --people 10             # bone lengths found, against the true ones
-    python benchmarks/accuracy.py proposals DATA                 # the answer beside the second look's joints
-    python benchmarks/accuracy.py deviations --check DATA        # the deviations that the second look states
+    python benchmarks/accuracy.py proposals DATA                 # the answer beside the joint net's joints
+    python benchmarks/accuracy.py deviations --check DATA        # the deviations that the joint net states
 
 DATA is a folder of recordings with truth files beside them. ``accuracy.py PART --help`` says more.
 """

@@ -1,4 +1,4 @@
-"""A person of whom the second look cannot tell left from right, before a sensor with much noise."""
+"""A person of whom the joint net cannot tell left from right, before a sensor with much noise."""
 
 from __future__ import annotations
 

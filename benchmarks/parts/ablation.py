@@ -43,7 +43,7 @@ from parts.known_people import recordings
 CONFIGS = {
     "all": PipelineConfig(),
     "no personal build": PipelineConfig(build=PersonalConfig(personal=False)),
-    "no pull to the second look's joints": PipelineConfig(fit=FitConfig(proposal_weight=0.0)),
+    "no pull to the joint net's joints": PipelineConfig(fit=FitConfig(proposal_weight=0.0)),
     "no learned joints: the paper's way": PipelineConfig(match=MatchConfig(method="exemplars")),
     "no pose of the frame before": PipelineConfig(refine=RefineConfig(track=False)),
     "no recovery": PipelineConfig(recover=RecoverConfig(enabled=False)),

@@ -1,4 +1,4 @@
-"""Check the deviations that the second look states with its joints, by sensor, by distance, on recordings.
+"""Check the deviations that the joint net states with its joints, by sensor, by distance, on recordings.
 
     python benchmarks/accuracy.py deviations                      # simulated people before several sensors
     python benchmarks/accuracy.py deviations --check DATA [DATA ...]

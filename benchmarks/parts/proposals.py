@@ -1,4 +1,4 @@
-"""Compare skeletons with the second look's proposals: is the fit worth its time, on real recordings too?
+"""Compare skeletons with the joint net's proposals: is the fit worth its time, on real recordings too?
 
     python benchmarks/accuracy.py proposals DATA [DATA ...]
 

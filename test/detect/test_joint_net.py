@@ -1,4 +1,4 @@
-"""The second look with the weights that ship, and the crops that it and its training see."""
+"""The joint net with the weights that ship, and the crops that it and its training see."""
 
 from __future__ import annotations
 

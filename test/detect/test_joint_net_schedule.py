@@ -23,7 +23,7 @@ FAR, FARTHER = at(2.0, label=2), at(4.0, label=3)
 
 
 class Watcher:
-    """Has second looks, and counts them."""
+    """Counts who is looked at in a frame."""
 
     def __init__(self, every: int = 2, probability: float = 0.99) -> None:
         self.looks, self.probability, self.told = JointNetSchedule(every), probability, 0

@@ -6,7 +6,7 @@
 A short training on new kinds of rooms forgets some of what a long one had learned. A net between the two
 keeps both (Wortsman et al. 2022, *Robust fine-tuning of zero-shot models*). Norms are folded into the
 convolutions first, because their statistics and scales belong together. Without folding all values are
-interpolated as they are, for either net; the released second look was made so.
+interpolated as they are, for either net; the released joint net was made so.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Simulated close-ups of people: only the part of an image that the second look crops is drawn.
+"""Simulated close-ups of people: only the part of an image that the joint net crops is drawn.
 
 A person with furniture around them, and several cameras anywhere around and above. What a whole room would
 add lies outside the crop, so this takes a tenth of the time of `depth_pose.sim.scenes` per person, and its

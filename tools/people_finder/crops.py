@@ -1,4 +1,4 @@
-"""Close-ups as training samples of the second look: randomly augmented crops."""
+"""Close-ups as training samples of the joint net: randomly augmented crops."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ class _Seen(nn.Module):
 
 
 def export_joint_net(checkpoint: Path, target: Path) -> bytes:
-    """Write a checkpoint of the second look as ONNX, with the names of `joint_net.Answer`."""
+    """Write a checkpoint of the joint net as ONNX, with the names of `joint_net.Answer`."""
     net = JointNet()
     inputs = {
         name: (crop_kernels.CHANNELS, side, side)

@@ -1,4 +1,4 @@
-"""Write a checkpoint of the second look for release, with the odds that combine it with the finder's answer.
+"""Write a checkpoint of the joint net for release, with the odds that combine it with the finder's answer.
 
 python tools/people_finder/export_joints.py runs/joints/last.pt sightings/val.npz build/weights
 """

@@ -1,4 +1,4 @@
-"""Collect true and false detections of the people finder in simulated scenes, to train the second look.
+"""Collect true and false detections of the people finder in simulated scenes, to train the joint net.
 
     python tools/people_finder/find_sightings.py weights sightings.npz scenes/train lookalikes/train
 

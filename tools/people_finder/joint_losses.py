@@ -1,4 +1,4 @@
-"""Losses of the second look's net; as `losses`, for one person at a time."""
+"""Losses of the joint net; as `losses`, for one person at a time."""
 
 from __future__ import annotations
 

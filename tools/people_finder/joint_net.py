@@ -1,4 +1,4 @@
-"""The net of the second look: a crop around one person to their joints, and to whether it is a person.
+"""The joint net: a crop around one person to their joints, and to whether it is a person.
 
 Every cell of the crop votes for every joint and predicts a weight for its vote; the joint is the weighted
 mean of the votes (as the anchors of Xiong et al. 2019, *A2J: anchor-to-joint regression network*, and the

@@ -1,4 +1,4 @@
-"""Make the people finder's weights from scratch: scenes, training, verifier, the second look, its deviations.
+"""Make the people finder's weights from scratch: scenes, training, verifier, the joint net, its deviations.
 
     pip install -e '.[train]'
     python tools/people_finder/make_weights.py build/people_finder
@@ -29,7 +29,7 @@ _ALIKE, _ALIKE_CHECKS = 7_500, 750
 _IMAGES, _BATCH, _RATE = 240_000, 16, 2e-3
 """The finder's training: images in all, images per step, and the highest learning rate. Set by hand."""
 _CROPS, _FALL = 2_300_000, 300_000
-"""The second look's training: crops at the highest rate, and while it falls. Set by hand."""
+"""The joint net's training: crops at the highest rate, and while it falls. Set by hand."""
 _FRESH = 0.6
 """New close-ups for each crop that is no sighting, each of another person: a million in all. Set by hand."""
 _COARSE = ("git", "show", "fe355e5:src/depth_pose/people/weights/joint_finder.onnx")
@@ -46,7 +46,7 @@ def main(
     workers: Annotated[int, typer.Option(help="Processes")] = 2,
     seed: Annotated[int, typer.Option(help="Start of the training's random numbers")] = 1,
 ) -> None:
-    """Make scenes, train the finder, fit the verifier, train the second look."""
+    """Make scenes, train the finder, fit the verifier, train the joint net."""
     train, check = folder / "train", folder / "val"
     alike, alike_check = folder / "lookalikes" / "train", folder / "lookalikes" / "val"
     for place, style, count, made_from in (

@@ -1,4 +1,4 @@
-"""Score the second look's joints alone, as the pipeline gets them, on recordings with a reference.
+"""Score the joint net's joints alone, as the pipeline gets them, on recordings with a reference.
 
     python tools/people_finder/score_joints.py DATA --weights build/people_finder/integers
 
@@ -146,7 +146,7 @@ def main(
     step: Annotated[int, typer.Option(help="Use every n-th frame of clips with joints", min=1)] = 4,
     each: Annotated[bool, typer.Option(help="Print a line for every recording")] = False,
 ) -> None:
-    """Score the second look's joints."""
+    """Score the joint net's joints."""
     for name in only or SETS:
         total: list[Looked | None] = []
         for path in sorted((data / name).glob("*.mcap")):

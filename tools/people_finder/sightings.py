@@ -1,4 +1,4 @@
-"""The finder's detections in scenes, as training samples of the second look."""
+"""The finder's detections in scenes, as training samples of the joint net."""
 
 from __future__ import annotations
 

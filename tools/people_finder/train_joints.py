@@ -1,4 +1,4 @@
-r"""Train the net of the second look on people simulated during training.
+r"""Train the joint net on people simulated during training.
 
     git show fe355e5:src/depth_pose/people/weights/joint_finder.onnx > coarse.onnx
     python tools/people_finder/train_joints.py runs/joints --coarse coarse.onnx --crops 1000000 --decay 80000

@@ -1,4 +1,4 @@
-"""Convert the second look's weights (ONNX, floats or integers) to a checkpoint for training to continue from.
+"""Convert the joint net's weights (ONNX, floats or integers) to a checkpoint for training to continue from.
 
     python tools/people_finder/warm_start_joints.py src/depth_pose/detect/weights/joint_finder.onnx start.pt
 
@@ -46,7 +46,7 @@ def load_folded(net: JointNet, path: Path) -> None:
 
 
 def main(
-    weights: Annotated[Path, typer.Argument(help="The second look's net (.onnx)")],
+    weights: Annotated[Path, typer.Argument(help="The joint net (.onnx)")],
     out: Annotated[Path, typer.Argument(help="Checkpoint to write (.pt)")],
 ) -> None:
     """Write the checkpoint."""

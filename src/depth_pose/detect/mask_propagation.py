@@ -83,7 +83,7 @@ class MaskPropagation:
 
         A bed under a leg, once detected, would otherwise take the leg; and a search now and then finds half
         of somebody who lies. Pixels that stayed where they were go to the detection that shows most of
-        the person; the second look may refuse them.
+        the person; the joint net may refuse them.
 
         Returns
         -------
