@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.normals import vertex_normals
-from depth_pose.core.skeleton import NODE_PARENTS
+from depth_pose.core.skeleton import NODE_PARENTS, Nodes
 
 if TYPE_CHECKING:
     from depth_pose.body._skin_kernels import Skin
@@ -39,7 +39,7 @@ class PosedBody:
     """
 
     vertices: NDArray[np.float64]
-    nodes: NDArray[np.float64]
+    nodes: Nodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,17 +125,15 @@ class Body:
             vertices,
             nodes,
         )
-        return PosedBody(vertices, nodes)
+        return PosedBody(vertices, Nodes(nodes))
 
-    def place(
-        self, rotations: NDArray[np.float64], root: NDArray[np.float64], scale: float = 1.0
-    ) -> NDArray[np.float64]:
+    def place(self, rotations: NDArray[np.float64], root: NDArray[np.float64], scale: float = 1.0) -> Nodes:
         """Return only the nodes (21, 3) of a pose; arguments as of `pose`."""
         from depth_pose.body._skin_kernels import place_nodes
 
         nodes = np.empty_like(self.nodes)
         place_nodes(self.nodes, NODE_PARENTS, rotations, root, scale, nodes)
-        return nodes
+        return Nodes(nodes)
 
     def reshaped(self, vertices: NDArray[np.float64], nodes: NDArray[np.float64]) -> Body:
         """Return the body with another rest pose, (V, 3) and (21, 3); everything else is shared."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.core.skeleton import JOINT_NODES, Source
+from depth_pose.core.skeleton import JOINT_NODES, Nodes, Source
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class FittedBody:
 
     pose: BodyPose
     vertices: NDArray[np.float64]
-    nodes: NDArray[np.float64]
+    nodes: Nodes
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Fitted:
         return self._known().pose
 
     @property
-    def nodes(self) -> NDArray[np.float64]:
+    def nodes(self) -> Nodes:
         """The body's nodes (21, 3), camera frame, metres."""
         return self._known().nodes
 

@@ -19,7 +19,7 @@ from depth_pose.body.rendered_depth import Observation, render_depth
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import CompletionConfig, CpdConfig
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
-from depth_pose.core.skeleton import NODES
+from depth_pose.core.skeleton import NODES, Nodes
 from depth_pose.paper.coherence import geodesic_basis
 from depth_pose.paper.cpd import register
 from depth_pose.paper.laplacian import LaplacianCompleter
@@ -110,7 +110,7 @@ class MeshCompleter:
         """
         vertices = self._laplacian.complete(posed.vertices, targets, weights)
         nodes, rotations = self._transfer.transfer(posed.vertices, posed.nodes, pose.rotations, vertices)
-        return FittedBody(BodyPose(rotations, nodes[0], pose.scale), vertices, nodes)
+        return FittedBody(BodyPose(rotations, nodes[0], pose.scale), vertices, Nodes(nodes))
 
     def warm_up(self) -> None:
         """Compile every kernel, by fitting the rest pose to itself."""

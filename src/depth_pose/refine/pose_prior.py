@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
-from depth_pose.core.skeleton import JOINT_NODES, MIRROR_JOINTS
+from depth_pose.core.skeleton import JOINT_NODES, MIRROR_JOINTS, Nodes
 from depth_pose.refine import _plausible_kernels as kernels
 
 _USUAL = 0.7
@@ -52,7 +52,7 @@ class PosePrior:
         covariance = np.cov(rows.T) + _NOISE_M**2 * np.eye(rows.shape[1])
         self._whiten = np.ascontiguousarray(np.linalg.inv(np.linalg.cholesky(covariance)))
 
-    def distance(self, nodes: NDArray[np.float64], scale: float) -> float:
+    def distance(self, nodes: Nodes, scale: float) -> float:
         """Compute a pose's distance from the bank's mean, in standard deviations.
 
         Parameters
@@ -63,6 +63,6 @@ class PosePrior:
         """
         return float(kernels.distance(nodes[JOINT_NODES], scale, self._mean, self._whiten))
 
-    def excess(self, nodes: NDArray[np.float64], scale: float) -> float:
+    def excess(self, nodes: Nodes, scale: float) -> float:
         """Compute the distance of a pose above the usual; 0 for most."""
         return max(0.0, self.distance(nodes, scale) - _USUAL)

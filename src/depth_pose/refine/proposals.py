@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from depth_pose.body.body import Body
 from depth_pose.body.pose import BodyPose
 from depth_pose.core.measurement import JointMeasurement
-from depth_pose.core.skeleton import JOINT_NODES, JOINTS
+from depth_pose.core.skeleton import JOINT_NODES, JOINTS, Nodes
 from depth_pose.refine import _aim_kernels as kernels
 from depth_pose.refine.skeleton_pose import aim_limbs
 
@@ -69,7 +69,7 @@ def is_named_alike(joints: NDArray[np.float64], measured: JointMeasurement) -> b
     return bool(kernels.nearer_naming(joints, proposals.places, proposals.weights) == 0)
 
 
-def from_proposals(nodes: NDArray[np.float64], measured: JointMeasurement | None) -> float:
+def from_proposals(nodes: Nodes, measured: JointMeasurement | None) -> float:
     """Compute the mean distance of a pose's joints from a person's proposals, standard deviations."""
     if measured is None:
         return 0.0

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.measurement import Proposals
-from depth_pose.core.skeleton import JOINT_INDEX, NODE_INDEX
+from depth_pose.core.skeleton import JOINT_INDEX, NODE_INDEX, Nodes
 from depth_pose.refine._aim_kernels import nearer_naming
 
 Array = NDArray[np.float64]
@@ -48,7 +48,7 @@ class Standing(NamedTuple):
     sure: float
 
 
-def find_standing(proposals: Proposals, nodes: Array) -> Standing | None:
+def find_standing(proposals: Proposals, nodes: Nodes) -> Standing | None:
     """Return the proposed joints of a standing person; None if not standing or without proposals.
 
     Parameters
@@ -65,7 +65,7 @@ def find_standing(proposals: Proposals, nodes: Array) -> Standing | None:
     return Standing(proposals.places[side], weights, sure) if sure > 0.0 else None
 
 
-def _stands(nodes: Array) -> float:
+def _stands(nodes: Nodes) -> float:
     """Compute how well a pose matches an upright person on straight legs, 0 to 1."""
 
     def way(start: str, end: str) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.pose import BodyPose, FittedBody
+from depth_pose.core.skeleton import Nodes
 from depth_pose.track.person_view import PersonView
 from depth_pose.track.target import FitTarget
 
@@ -63,7 +64,7 @@ class View:
     def body_in_camera(self, body: FittedBody) -> FittedBody:
         """Return a body of the room in the camera's frame."""
         return FittedBody(
-            self.pose_in_camera(body.pose), self.to_camera(body.vertices), self.to_camera(body.nodes)
+            self.pose_in_camera(body.pose), self.to_camera(body.vertices), Nodes(self.to_camera(body.nodes))
         )
 
 
