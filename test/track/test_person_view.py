@@ -135,6 +135,18 @@ def test_thinned_images_keep_every_nth_pixel(drawn):
     assert thin_image(person.full, 3.0, 0.02) is person.full
 
 
+def test_a_view_prepares_everything_once(drawn):
+    (person,) = syn.to_people(drawn).persons
+    assert person.target(300) is person.target(300)
+    assert len(person.target(300).points) == 300
+    assert person.target(10**6) is person.target(len(person.points))
+    assert person.target(300).nearest is person.target(500).nearest
+    assert person.thinned(0.08) is person.thinned(0.08)
+    assert person.thinned(0.08).depth.size < person.coarse.depth.size
+    assert person.comparer.nearest is person.comparer.nearest
+    assert len(person.target(300, with_proposals=False).proposals.nodes) == 0
+
+
 def test_thin():
     points = np.arange(30.0).reshape(10, 3)
     np.testing.assert_array_equal(thin(points, 10), points)
