@@ -17,7 +17,6 @@ from depth_pose.bank.bank import Bank
 from depth_pose.bank.canonical import describe
 from depth_pose.bank.views import AXES
 from depth_pose.body.pose import BodyPose
-from depth_pose.body.rendered_depth import Observation
 from depth_pose.core.config import MatchConfig
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINT_NODES, NODE_INDEX, NODES
@@ -206,11 +205,11 @@ class Matcher:
             parts.append(place_exemplars(upright.views, upright.all, hung, scale))
         if (proposed := self._proposed.find(person.measured, scale)) is not None:
             parts.append(proposed)
-        return self._renderer.compare(join(parts), scale, _thinned(person, _ROUGH_M))
+        return self._renderer.compare(join(parts), scale, person.thinned(_ROUGH_M))
 
     def _compare_finely(self, person: PersonView, scale: float, rough: Placed) -> Placed:
         """Compare the best of the shortlist in a finer image, and sort them by score."""
-        image = _thinned(person, _FINE_M)
+        image = person.thinned(_FINE_M)
         ranking = rough.ranking()
         there = rough.take(_with_facing(ranking, _FINALISTS, _faces_alike(rough, person.measured)))
         # a correction from few pixels is only tried
@@ -286,8 +285,3 @@ def _with_facing(rows: NDArray[np.int64], most: int, alike: NDArray[np.bool_]) -
     if alike[taken].any() or not alike[others].any():
         return taken
     return np.append(taken[:-1], others[alike[others]][0])
-
-
-def _thinned(person: PersonView, spacing_m: float) -> Observation:
-    """Subsample the half-resolution image to the required spacing."""
-    return person.thinned(spacing_m)
