@@ -5,12 +5,13 @@
     python benchmarks/finder.py --lookalikes           # rooms without people, but with coats
     python benchmarks/finder.py --mounting ceiling     # cameras of one mounting only
     python benchmarks/finder.py --sensor stereo        # the same rooms, sensors of one family
+    python benchmarks/finder.py --homes --results a.jsonl    # homes; continues an interrupted run
 
 Each room is one frame by itself: no tracks. A person is found if half of a detection's pixels are theirs
 and its torso lies within 0.4 m of theirs; a detection that is nobody's is false, and counts for the kind of
 thing that most of its pixels show. Prints tables in Markdown: who is found, false ones and how well masks
-agree, by sensor and by mounting; recall by visible share and by distance; the objects behind false ones;
-calibration of the probability; time.
+agree, by sensor and by mounting; recall by visible share, by distance, by the share of the person that has
+depth, and by dark clothes; the objects behind false ones; calibration of the probability by sensor; time.
 """
 
 from __future__ import annotations
@@ -20,10 +21,11 @@ import one_thread  # noqa: F401
 # isort: split
 
 import hashlib
+import json
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from pathlib import Path
 
@@ -38,6 +40,9 @@ from depth_pose.detect.finder import PeopleFinder, load_weights
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.detect.net import read_weights
 from depth_pose.detect.segmentation import Segmentation
+from depth_pose.sim.home_scenes import sample_home
+from depth_pose.sim.home_sensors import HOME_FAMILIES
+from depth_pose.sim.materials import WORN
 from depth_pose.sim.scene_noise import FAMILIES
 from depth_pose.sim.scenes import MOUNTINGS, Scene, sample_scene
 from depth_pose.sim.shapes import Kind
@@ -57,6 +62,13 @@ STEEP_DEG, ROLLED_DEG, LOW_M = (40, 65), 45, 0.7
 ASKED = 0.3
 """People whose visible share is below this do not count, as in the sequences with references."""
 
+RETURNED = (0.0, 0.3, 0.6, 0.9, 1.01)
+"""Bounds of the groups by the share of what is shown of a person that returns depth."""
+DARK = {"denim", "black cloth", "leather"}
+"""Materials that return little."""
+BINS = np.array([0.2, 0.4, 0.6, 0.8, 0.9, 1.0])
+"""Bounds of the probabilities that calibration is measured in."""
+
 _TORSO = [JOINT_INDEX[n] for n in ("left_shoulder", "right_shoulder", "left_hip", "right_hip")]
 
 
@@ -64,14 +76,15 @@ _TORSO = [JOINT_INDEX[n] for n in ("left_shoulder", "right_shoulder", "left_hip"
 class Tally:
     """Results: one row per person, one row per detection."""
 
-    people: list[tuple[float, float, int, float, float]] = field(default_factory=list)
-    """Visible share; distance; frame; probability of the detection, 0 for none; the masks' overlap."""
+    people: list[tuple[float, float, int, float, float, float, bool]] = field(default_factory=list)
+    """Visible share; distance; frame; probability of the detection, 0 for none; the masks' overlap; share of
+    the shown that has depth; whether top and trousers are of materials that return little."""
 
     views: list[tuple[str, str]] = field(default_factory=list)
     """Sensor and mounting of each frame."""
 
-    detections: list[tuple[float, bool]] = field(default_factory=list)
-    """Probability; whether it is a person."""
+    detections: list[tuple[float, bool, int]] = field(default_factory=list)
+    """Probability; whether it is a person; frame."""
 
     false_kinds: list[tuple[float, Kind, int]] = field(default_factory=list)
     """Probability; what it is; frame."""
@@ -83,17 +96,52 @@ class Tally:
         """Number of rooms evaluated."""
         return len(self.views)
 
+    def append(self, other: Tally) -> None:
+        """Append the results of another."""
+        first = self.frames
+        self.people += [(*p[:2], p[2] + first, *p[3:]) for p in other.people]
+        self.detections += [(p, right, f + first) for p, right, f in other.detections]
+        self.false_kinds += [(p, Kind(kind), f + first) for p, kind, f in other.false_kinds]
+        self.views += [(sensor, mounting) for sensor, mounting in other.views]
+        self.milliseconds += other.milliseconds
 
-def rooms(
-    seed: int, count: int, lookalikes: bool = False, mounting: str | None = None, sensor: str | None = None
-) -> Iterator[Scene]:
-    """Make rooms one after another; those with ``lookalikes`` show nobody."""
-    for k in range(count):
-        rng = np.random.default_rng(np.random.SeedSequence([seed, k]))
-        if lookalikes:
-            yield sample_scene(rng, people=0, studio=False, lookalikes=True, mounting=mounting, sensor=sensor)
-        else:
-            yield sample_scene(rng, mounting=mounting, sensor=sensor)
+
+@dataclass(frozen=True)
+class Rooms:
+    """Unseen rooms by their number.
+
+    Attributes
+    ----------
+    seed : int
+    homes : bool
+        Homes instead of rooms.
+    lookalikes : bool
+        Nobody in them.
+    mounting, sensor : str, optional
+        Of all; random by default.
+    """
+
+    seed: int
+    homes: bool = False
+    lookalikes: bool = False
+    mounting: str | None = None
+    sensor: str | None = None
+
+    def make(self, k: int) -> Scene:
+        """Make room number ``k``."""
+        rng = np.random.default_rng(np.random.SeedSequence([self.seed, k]))
+        people = 0 if self.lookalikes else None
+        if self.homes:
+            return sample_home(rng, people=people, mounting=self.mounting, sensor=self.sensor)
+        studio = False if self.lookalikes else None
+        return sample_scene(
+            rng,
+            people=people,
+            studio=studio,
+            lookalikes=self.lookalikes,
+            mounting=self.mounting,
+            sensor=self.sensor,
+        )
 
 
 def mounting_of(scene: Scene) -> str:
@@ -134,7 +182,8 @@ def score(tally: Tally, scene: Scene, found: Segmentation) -> None:
         shares = np.bincount(owner[own], minlength=len(torsos) + 1)[1:] / max(1, own.sum())
         near = np.linalg.norm(torsos - person.place, axis=1) < TORSO_M
         theirs = np.flatnonzero((shares >= OWN_SHARE) & near & (best == 0))
-        tally.detections.append((person.probability, bool(len(theirs)) or bool((shares >= OWN_SHARE).any())))
+        right = bool(len(theirs)) or bool((shares >= OWN_SHARE).any())
+        tally.detections.append((person.probability, right, tally.frames - 1))
         if len(theirs):
             k = theirs[0]
             best[k] = person.probability
@@ -144,24 +193,58 @@ def score(tally: Tally, scene: Scene, found: Segmentation) -> None:
             things = np.bincount(kind[own], minlength=len(Kind))
             tally.false_kinds.append((person.probability, Kind(int(things.argmax())), tally.frames - 1))
     for k, torso in enumerate(torsos):
-        row = (float(scene.visible[k]), float(torso[2]), tally.frames - 1, best[k], overlaps[k])
-        tally.people.append(row)
+        fabrics = dict(zip(WORN, scene.fabrics[k], strict=True)) if scene.fabrics[k] else {}
+        dark = bool(fabrics) and {fabrics["top"], fabrics["trousers"]} <= DARK
+        shown, returned = float(scene.visible[k]), float(scene.returned[k])
+        at, overlap = float(torso[2]), float(overlaps[k])
+        tally.people.append((shown, at, tally.frames - 1, float(best[k]), overlap, returned, dark))
 
 
-def measure(config: SegmentConfig, weights: Path | None, scenes: Iterable[Scene]) -> Tally:
-    """Run both looks over scenes; the first one is timed by itself."""
-    tally, finder = Tally(), PeopleFinder(config, *load_weights(weights))
+def kept_results(results: Path, about: dict[str, object]) -> list[Tally]:
+    """Read the results of an earlier run, whose weights and rooms must be the same, or begin the file."""
+    if not results.exists():
+        results.write_text(json.dumps(about) + "\n")
+    first, *lines = results.read_text().splitlines()
+    if json.loads(first) != about:
+        raise SystemExit(f"{results} holds results of {first}; choose another file")
+    return [Tally(**json.loads(line)) for line in lines]
+
+
+def measure(
+    config: SegmentConfig, weights: Path | None, rooms: Rooms, count: int, results: Path | None = None
+) -> Tally:
+    """Run both looks over rooms; the first one is timed by itself.
+
+    With a file for ``results`` each room's are appended to it, and those in it are not made again.
+    """
+    total, finder = Tally(), PeopleFinder(config, *load_weights(weights))
     segmenter = LearnedSegmenter(config, weights)
     finder.warm_up()
     segmenter.warm_up()
-    for scene in scenes:
-        frame = frame_of(scene)
-        start = time.thread_time()
-        finder.find(frame)
-        tally.milliseconds.append(1e3 * (time.thread_time() - start))
-        segmenter.reset()
-        score(tally, scene, segmenter.segment(frame))
-    return tally
+    about = {"weights": hashes(weights), **asdict(rooms)}
+    kept = [] if results is None else kept_results(results, about)
+    for k in track(range(count), "homes" if rooms.homes else "rooms"):
+        if k < len(kept):
+            tally = kept[k]
+        else:
+            scene, tally = rooms.make(k), Tally()
+            frame = frame_of(scene)
+            start = time.thread_time()
+            finder.find(frame)
+            tally.milliseconds.append(1e3 * (time.thread_time() - start))
+            segmenter.reset()
+            score(tally, scene, segmenter.segment(frame))
+            if results is not None:
+                with results.open("a") as stream:
+                    stream.write(json.dumps(asdict(tally)) + "\n")
+        total.append(tally)
+    return total
+
+
+def hashes(weights: Path | None) -> list[str]:
+    """Return short hashes of both nets' weights."""
+    names = ("people_finder.onnx", "joint_finder.onnx")
+    return [hashlib.sha256(read_weights(n, weights)).hexdigest()[:12] for n in names]
 
 
 def table(columns: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
@@ -173,20 +256,27 @@ def table(columns: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
 
 def by_group(tally: Tally, threshold: float) -> str:
     """Tabulate recall by group."""
-    shown, distance, _, probability, _ = (np.array(c) for c in zip(*tally.people, strict=True))
+    shown, distance, _, probability, _, returned, dark = (
+        np.array(c) for c in zip(*tally.people, strict=True)
+    )
     asked, hit = shown >= ASKED, probability >= threshold
     groups = [("all asked for", asked)]
     groups += [(f"{a:g} to {min(b, 1):g} shows", (shown >= a) & (shown < b)) for a, b in pairwise(SHOWN)]
     groups += [
         (f"{a:g} to {b:g} m", asked & (distance >= a) & (distance < b)) for a, b in pairwise(DISTANCES_M)
     ]
+    groups += [
+        (f"{a:g} to {min(b, 1):g} of it returns", asked & (returned >= a) & (returned < b))
+        for a, b in pairwise(RETURNED)
+    ]
+    groups.append(("in dark clothes", asked & dark))
     rows = ((name, int(g.sum()), f"{hit[g].mean():.3f}") for name, g in groups if g.any())
     return table(("people", "number", f"found at {threshold:g}"), rows)
 
 
 def by_view(tally: Tally, threshold: float) -> str:
     """Tabulate recall, false detections and mask overlap by sensor and by mounting."""
-    shown, _, frame, probability, overlap = (np.array(c) for c in zip(*tally.people, strict=True))
+    shown, _, frame, probability, overlap, *_ = (np.array(c) for c in zip(*tally.people, strict=True))
     false = np.array([f for p, _, f in tally.false_kinds if p >= threshold], int)
     views = np.array(tally.views)
     rows = []
@@ -219,24 +309,33 @@ def by_thing(tally: Tally, thresholds: tuple[float, ...]) -> str:
 
 
 def reliability(tally: Tally) -> str:
-    """Tabulate how often a detection of each probability is a person."""
-    p, right = (np.array(c, float) for c in zip(*tally.detections, strict=True))
-    edges = np.array([0.2, 0.4, 0.6, 0.8, 0.9, 1.0])
-    bins = np.digitize(p, edges[1:-1])
-    used = [k for k in range(len(edges) - 1) if (bins == k).any()]
+    """Tabulate how often a detection of each probability is a person, and the calibration error by sensor."""
+    p, right, frame = (np.array(c, float) for c in zip(*tally.detections, strict=True))
+    sensors = np.array([tally.views[int(f)][0] for f in frame])
+    bins = np.digitize(p, BINS[1:-1])
+    used = [k for k in range(len(BINS) - 1) if (bins == k).any()]
     rows = [
         (
-            f"{edges[k]:g} to {edges[k + 1]:g}",
+            f"{BINS[k]:g} to {BINS[k + 1]:g}",
             int((bins == k).sum()),
             f"{p[bins == k].mean():.2f}",
             f"{right[bins == k].mean():.2f}",
         )
         for k in used
     ]
-    gap = sum((bins == k).mean() * abs(p[bins == k].mean() - right[bins == k].mean()) for k in used)
-    return (
-        table(("probability", "detections", "mean", "are people"), rows) + f"\n\nCalibration error {gap:.3f}."
+    gaps = ", ".join(
+        f"{name} {calibration_error(p[sensors == name], right[sensors == name]):.3f}"
+        for name in np.unique(sensors)
     )
+    columns = ("probability", "detections", "mean", "are people")
+    return table(columns, rows) + f"\n\nCalibration error {calibration_error(p, right):.3f}: {gaps}."
+
+
+def calibration_error(probability: np.ndarray, right: np.ndarray) -> float:
+    """Return the mean distance of the probabilities from the share of people, over `BINS`."""
+    bins = np.digitize(probability, BINS[1:-1])
+    groups = [bins == k for k in np.unique(bins)]
+    return float(sum(g.mean() * abs(probability[g].mean() - right[g].mean()) for g in groups))
 
 
 def main() -> None:
@@ -246,14 +345,21 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=SEED, help="of the rooms")
     parser.add_argument("--weights", type=Path, help="folder of other weights than the released ones")
     parser.add_argument("--lookalikes", action="store_true", help="rooms without people, but with coats")
-    parser.add_argument("--mounting", choices=MOUNTINGS, help="mounting of cameras; random by default")
-    parser.add_argument("--sensor", choices=FAMILIES, help="sensor family in all rooms; random by default")
+    parser.add_argument("--homes", action="store_true", help="homes: dark clothes, pets, clutter")
+    parser.add_argument("--results", type=Path, help="file of results by room; an interrupted run continues")
+    parser.add_argument(
+        "--mounting", choices=[*MOUNTINGS, "robot", "shelf"], help="mounting of cameras; random by default"
+    )
+    parser.add_argument(
+        "--sensor",
+        choices=list(dict.fromkeys((*FAMILIES, *HOME_FAMILIES))),
+        help="sensor family in all rooms; random by default",
+    )
     arguments = parser.parse_args()
     config = SegmentConfig()
-    made = rooms(arguments.seed, arguments.rooms, arguments.lookalikes, arguments.mounting, arguments.sensor)
-    tally = measure(config, arguments.weights, track(made, "rooms", total=arguments.rooms))
-    names = ("people_finder.onnx", "joint_finder.onnx")
-    first, second = (hashlib.sha256(read_weights(n, arguments.weights)).hexdigest()[:12] for n in names)
+    shown = Rooms(arguments.seed, arguments.homes, arguments.lookalikes, arguments.mounting, arguments.sensor)
+    tally = measure(config, arguments.weights, shown, arguments.rooms, arguments.results)
+    first, second = hashes(arguments.weights)
     print(f"Weights {first} and {second}, {tally.frames} rooms of seed {arguments.seed}\n")
     thresholds = (config.keep, config.start, 0.8)
     print(by_thing(tally, thresholds), "\n")

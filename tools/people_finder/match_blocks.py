@@ -5,11 +5,13 @@
 
 A room is drawn from two cameras in infrared: surfaces with texture, a projected pattern of dots or none,
 sensor noise. Semi-global matching (OpenCV) finds disparities, with a right-to-left check. Then come the same
-driver's filters as in the fast model. The figures show how similar the fast model's errors are.
+driver's filters as in the fast model. Beside them are the fast model's defaults, and sensors of training
+scenes, with dots (active) and without (passive). Means over rooms show how similar their errors are.
 """
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -19,9 +21,11 @@ import typer
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
+from depth_pose.sim.home_sensors import sample_home_sensor
 from depth_pose.sim.people import sample_figure
 from depth_pose.sim.placed import place
 from depth_pose.sim.rooms import furnish, make_room
+from depth_pose.sim.scene_noise import Shown, measure
 from depth_pose.sim.scene_view import Drawn, draw, look
 from depth_pose.sim.shapes import Triangles, triangulate
 from depth_pose.sim.stereo import StereoConfig, _filter, measure_stereo
@@ -33,6 +37,7 @@ _CAMERA = Camera(640, 480, 385.0, 385.0, 319.5, 239.5)
 _DISPARITIES = 96
 _GRAIN_M = (0.004, 0.015, 0.06)
 """Sizes of a surface's texture, metres."""
+_FIGURES = "holes, deviation (px), correlation after 2 4 8 16 32 px, wrong by more than 1 px, nearer of these"
 _PATTERN_PX = 3.0
 """Spacing of the projector's dots, pixels."""
 
@@ -88,7 +93,7 @@ def match(left: NDArray[np.uint8], right: NDArray[np.uint8], window: int) -> Ima
     return np.where(found > 0.5, found, 0).astype(np.float32)
 
 
-def _scene(rng: np.random.Generator) -> tuple[list[Drawn], list[Image], float]:
+def _scene(rng: np.random.Generator, baseline: float) -> tuple[list[Drawn], list[Image]]:
     """Render a room with a person in it from both cameras."""
     view = look(_CAMERA, 1.2, np.radians(10.0), 0.0)
     room = make_room(rng, 1.2, False)
@@ -98,13 +103,12 @@ def _scene(rng: np.random.Generator) -> tuple[list[Drawn], list[Image], float]:
     vertices = np.concatenate([view.to_optical(person.vertices), view.to_optical(shell.vertices)])
     faces = np.concatenate([person.faces, shell.faces + len(person.vertices)])
     albedo = np.append(np.concatenate([person.albedo, shell.albedo]), np.float32(0))
-    baseline = StereoConfig().baseline
     drawn = [draw(vertices - [s, 0.0, 0.0], faces, _CAMERA) for s in (0.0, baseline)]
-    return drawn, [albedo[d.face] for d in drawn], baseline
+    return drawn, [albedo[d.face] for d in drawn]
 
 
-def compare(depth: Image, ideal: Image, reach: float) -> str:
-    """Report the errors of measured depth in disparity: spread, size of bumps, edges, holes."""
+def compare(depth: Image, ideal: Image, reach: float) -> Array:
+    """Measure the errors of measured depth in disparity: `_FIGURES`."""
     depth, ideal = depth[:, _DISPARITIES:], ideal[:, _DISPARITIES:]  # nothing is matched left of this
     known = (depth > 0) & (ideal > 0)
     off = np.where(known, reach / np.maximum(depth, 0.1) - reach / np.maximum(ideal, 0.1), np.nan)
@@ -115,27 +119,34 @@ def compare(depth: Image, ideal: Image, reach: float) -> str:
     ]
     wrong = known & (np.abs(off) >= 1.0)
     nearer = (wrong & (off > 0)).sum() / max(wrong.sum(), 1)
-    bumps = " ".join(f"{lag:.2f}" for lag in lags)
-    share = f"wrong {wrong.sum() / known.sum():.3f}, nearer {nearer:.2f}"
-    return (
-        f"holes {1 - known.sum() / (ideal > 0).sum():.3f}  deviation {np.nanstd(smooth):.3f} px "
-        f"correlation after 2 4 8 16 32 px: {bumps} {share}"
-    )
+    holes = 1 - known.sum() / (ideal > 0).sum()
+    return np.array([holes, np.nanstd(smooth), *lags, wrong.sum() / known.sum(), nearer])
+
+
+def _at_home(drawn: Drawn, albedo: Image, family: str, baseline: float, rng: np.random.Generator) -> Image:
+    """Measure with a random sensor of the fast model, without alignment to a colour camera."""
+    sensor = sample_home_sensor(rng, family)
+    assert sensor.stereo is not None
+    stereo = replace(sensor.stereo, baseline=baseline, colour_offset=0.0, fill=0)
+    sensor = replace(sensor, stereo=stereo, native_focal=_CAMERA.fx, near=0.1, far=100.0)
+    return measure(Shown(drawn.depth, drawn.cosine, albedo, _CAMERA.fx), sensor, rng)
 
 
 def main(
     out: Annotated[Path, typer.Argument(help="Picture to write (.png)")],
     rooms: Annotated[int, typer.Option(help="Rooms", min=1)] = 3,
     seed: Annotated[int, typer.Option(help="Of the rooms and all noise")] = 5,
+    baseline: Annotated[float, typer.Option(help="Left to right camera, metres")] = 0.05,
+    sensors: Annotated[int, typer.Option(help="Sensors at home a room and family", min=1)] = 5,
 ) -> None:
     """Draw both side by side, and print their errors."""
     import matplotlib.pyplot as plt
 
-    config = StereoConfig(window=9)
-    _, axes = plt.subplots(rooms, 4, figsize=(20, 3.8 * rooms), squeeze=False)
+    config, figures = StereoConfig(window=9, baseline=baseline), defaultdict(list)
+    _, axes = plt.subplots(rooms, 6, figsize=(30, 3.8 * rooms), squeeze=False)
     for number, row in enumerate(axes):
         rng = np.random.default_rng([seed, number])
-        drawn, albedo, baseline = _scene(rng)
+        drawn, albedo = _scene(rng, baseline)
         reach, ideal = _CAMERA.fx * baseline, drawn[0].depth
         shown = {"ideal": ideal}
         for dots in (False, True):
@@ -145,13 +156,20 @@ def main(
             found = _filter(match(pair[0], pair[1], config.window), reach, config, rng)
             shown["matched, dots" if dots else "matched, no dots"] = found
         light = np.sqrt(np.maximum(drawn[0].cosine, np.float32(0.05)))
-        shown["fast model"] = measure_stereo(ideal, light, _CAMERA.fx, replace(config), rng)
+        shown["defaults"] = measure_stereo(ideal, light, _CAMERA.fx, config, rng)
+        for family in ("active", "passive"):
+            for _ in range(sensors):
+                shown[family] = _at_home(drawn[0], albedo[0], family, baseline, rng)
+                figures[family].append(compare(shown[family], ideal, reach))
         for axis, (name, depth) in zip(row, shown.items(), strict=True):
             axis.imshow(np.where(depth > 0, depth, np.nan), cmap="turbo", vmin=0.5, vmax=5.0)
             axis.set_title(name)
             axis.set_axis_off()
-            if name != "ideal":
-                print(f"{name:17s} {compare(depth, ideal, reach)}")
+            if name not in ("ideal", "active", "passive"):
+                figures[name].append(compare(depth, ideal, reach))
+    print(_FIGURES)
+    for name, values in figures.items():
+        print(f"{name:17s}", " ".join(f"{v:.3f}" for v in np.nanmean(values, axis=0)))
     plt.tight_layout()
     plt.savefig(out, dpi=50)
 

@@ -43,11 +43,21 @@ def simulate(
         str | None,
         typer.Option(
             help="tof, structured, kinect_v1, xtion, kinect_v2, azure_kinect, d435, d455, oak_d or zed.",
-            show_default="tof",
+            show_default="tof; with --room a random one",
         ),
     ] = None,
     room: Annotated[
         bool, typer.Option("--room", help="Several people in a furnished room, all generated from the seed.")
+    ] = False,
+    home: Annotated[
+        bool,
+        typer.Option(
+            "--home",
+            help="A home, with pets, clutter, and clothes and sofas that return little depth; with --room.",
+        ),
+    ] = False,
+    camera_moves: Annotated[
+        bool, typer.Option("--camera-moves", help="The camera drives, turns and nods; with --room.")
     ] = False,
     people: Annotated[
         int | None,
@@ -91,7 +101,8 @@ def simulate(
 
     Writes NAME.mcap (depth images and their camera) and NAME.npz (the joints). With --room people of random
     builds and clothes walk about, hide and cross each other; camera, sensor and furniture are random too,
-    and the same seed gives the same.
+    and the same seed gives the same. --sensor chooses the sensor, --home makes the room a home, and with
+    --camera-moves the joints are in the camera's frame at that moment.
 
     With --cameras N unlike sensors with clocks of their own stand around the room: NAME_0.mcap, NAME_1.mcap
     and so on, the true rig in NAME.yaml, and the joints in the room's frame in NAME.npz.
@@ -107,6 +118,8 @@ def simulate(
     depth-pose simulate -o child.mcap --motion wave --stature 1.2 --head-size 1.25 --seed 3
 
     depth-pose simulate -o room.mcap --room --people 3 --seed 7
+
+    depth-pose simulate -o home.mcap --room --home --sensor oak_d --camera-moves --seed 4
 
     depth-pose simulate -o pair.mcap --room --people 2 --cameras 2 --seconds 60
     """
@@ -128,20 +141,32 @@ def simulate(
         raise ConfigError("--people needs --room; without it there is one person")
     if not room and cameras is not None:
         raise ConfigError("--cameras needs --room; without it there is one sensor")
+    if not room and (home or camera_moves):
+        raise ConfigError(f"--{'home' if home else 'camera-moves'} needs --room")
     if clock_offset is not None and (cameras or 1) == 1:
         raise ConfigError("--clock-offset needs --cameras 2 or more; a single clock has no offset")
     require("open3d", "a simulated sensor")
     if room:
-        unused = [*given(motion=motion, sensor=sensor), *chosen, *placed, *shell]
+        unused = [*given(motion=motion), *chosen, *placed, *shell]
         if unused:
             raise ConfigError(f"--room draws all from --seed; leave out --{unused[0].replace('_', '-')}")
         shown = (2 if people is None else people, width or _ROOM_WIDTH_PX, seconds, seed)
+        if sensor is not None:
+            _check_sensor(sensor)
         if cameras is not None and cameras > 1:
+            alone = [
+                *given(sensor=sensor),
+                *(["home"] if home else []),
+                *(["camera_moves"] if camera_moves else []),
+            ]
+            if alone:
+                name = alone[0].replace("_", "-")
+                raise ConfigError(f"--{name} is for one camera; leave out --cameras, or --{name}")
             offset = _CLOCK_OFFSET_S if clock_offset is None else clock_offset
             _simulate_cameras(output, cameras, offset, *shown)
         else:
             check_targets([output, output.with_suffix(".npz")])
-            _simulate_room(output, *shown)
+            _simulate_room(output, *shown, model=sensor, home=home, moves=camera_moves)
         return
     is_file = motion is not None and motion.lower().endswith(".bvh")
     check_targets([output, output.with_suffix(".npz")], [motion if is_file else None])
@@ -149,12 +174,18 @@ def simulate(
     _simulate_person(output, Person(**chosen), stage, motion or "play", seconds, seed)
 
 
+def _check_sensor(sensor: str) -> None:
+    from depth_pose.sim.sensor import SENSORS
+
+    if sensor not in SENSORS:
+        raise ConfigError(f"there is no sensor {sensor!r}; it is one of {', '.join(SENSORS)}")
+
+
 def _stage(sensor: str, width: int | None, placement: Placement, room: Room) -> Stage:
     from depth_pose.sim.sensor import SENSORS
     from depth_pose.sim.simulate import Stage
 
-    if sensor not in SENSORS:
-        raise ConfigError(f"there is no sensor {sensor!r}; it is one of {', '.join(SENSORS)}")
+    _check_sensor(sensor)
     return Stage(SENSORS[sensor] if width is None else SENSORS[sensor].with_width(width), placement, room)
 
 
@@ -180,14 +211,25 @@ def _simulate_person(
     )
 
 
-def _simulate_room(output: Path, people: int, width: int, seconds: float, seed: int) -> None:
+def _simulate_room(
+    output: Path,
+    people: int,
+    width: int,
+    seconds: float,
+    seed: int,
+    *,
+    model: str | None,
+    home: bool,
+    moves: bool,
+) -> None:
     import numpy as np
 
     from depth_pose.sim.clips import sample_clip, write_clip
 
     frames = max(1, round(seconds * _ROOM_FPS))
     with progress_bar("people in a room", frames) as update:
-        clip = sample_clip(np.random.default_rng(seed), frames, _ROOM_FPS, people, width, update)
+        rng = np.random.default_rng(seed)
+        clip = sample_clip(rng, frames, _ROOM_FPS, people, width, update, model=model, home=home, moves=moves)
     write_clip(output, clip)
     facts = [
         ("people", str(clip.joints.shape[1])),

@@ -5,7 +5,9 @@ come back, stand side by side, and one may sit down. Room, camera, sensor, build
 
 The truth beside a recording holds ``joints`` (T, P, 19, 3) float32, optical frame, metres; ``seen``
 (T, P, 19); ``visible`` (T, P), share of a person's silhouette that the image shows; ``stamps_ns`` (T,);
-``names`` (19,); ``K`` (3, 3).
+``names`` (19,); ``K`` (3, 3). Where the camera moves, joints are in its frame at that moment, and
+``T_camera_world`` (T, 4, 4) leads there from the room's frame (z up, the floor at z = 0). At home,
+``materials`` (P, 4) names what each person's hair, top, trousers and shoes are of.
 """
 
 from __future__ import annotations
@@ -21,11 +23,17 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.outputs import new_file
 from depth_pose.core.skeleton import JOINTS
 from depth_pose.io.mcap_write import DepthWriter
+from depth_pose.rooms.rigfile import upright_from
+from depth_pose.sim.home_scenes import UPRIGHT_MOUNTINGS
+from depth_pose.sim.home_sensors import sample_home_sensor, sample_named_sensor
 from depth_pose.sim.performers import Performer, Track
 from depth_pose.sim.play import furnish_around, person_at, sample_stage, sample_track
 from depth_pose.sim.scene_noise import sample_sensor
-from depth_pose.sim.scenes import render
+from depth_pose.sim.scenes import render, sample_camera
+from depth_pose.sim.sensor import SENSORS
+from depth_pose.sim.shapes import joined
 from depth_pose.sim.simulate import FRAME_ID, START_NS
+from depth_pose.sim.walks import free_points, sample_pet_walk, sample_views
 
 
 @dataclass(frozen=True)
@@ -42,6 +50,12 @@ class RoomClip:
     visible : (T, P) float32
     stamps_ns : (T,) int64
     camera : Camera
+    T_camera_world : (T, 4, 4) float64
+        From the room's frame (z up, the floor at z = 0) to the optical frame.
+    moves : bool
+        Whether the camera moves.
+    materials : tuple of tuple of str
+        Of each person's hair, top, trousers and shoes; empty where unknown.
     """
 
     depth: NDArray[np.float32]
@@ -50,6 +64,9 @@ class RoomClip:
     visible: NDArray[np.float32]
     stamps_ns: NDArray[np.int64]
     camera: Camera
+    T_camera_world: NDArray[np.float64]
+    moves: bool = False
+    materials: tuple[tuple[str, ...], ...] = ()
 
 
 def sample_clip(
@@ -61,6 +78,9 @@ def sample_clip(
     progress: Callable[[int], None] | None = None,
     anny: float = 0.0,
     sensor: str | None = None,
+    model: str | None = None,
+    home: bool = False,
+    moves: bool = False,
 ) -> RoomClip:
     """Make a random video.
 
@@ -80,23 +100,45 @@ def sample_clip(
     anny : float
         Share of people with a body of Anny, which need the extra ``anny``.
     sensor : str, optional
-        Family of the sensor (`depth_pose.sim.scene_noise.FAMILIES`); random by default.
+        Family of the sensor (`depth_pose.sim.scene_noise.FAMILIES`; at home
+        `depth_pose.sim.home_sensors.HOME_FAMILIES`); random by default.
+    model : str, optional
+        Name of the sensor (`depth_pose.sim.sensor.SENSORS`), and of its image, scaled to ``width`` pixels.
+    home : bool
+        Furnish the room as a home, with pets, and dress people in materials that may return no light.
+    moves : bool
+        Move the camera: it drives, turns and nods.
     """
-    view, room = sample_stage(rng, width)
+    camera = sample_camera(rng, width) if home else None
+    if model is not None:
+        camera = SENSORS[model].with_width(width).camera
+    view, room = sample_stage(rng, width, camera, UPRIGHT_MOUNTINGS if home else ("common",))
+    views = sample_views(rng, view, room, frames, fps) if moves else [view] * frames
+    eyes = np.array([v.position[[0, 2]] for v in views]) if moves else None
     cast: list[tuple[Performer, Track]] = []
     for i in range(people):
         performer = Performer(rng, fps, anny)
-        track = sample_track(rng, performer, view, room, [t for _, t in cast], frames, may_sit=i == 0)
+        track = sample_track(rng, performer, view, room, [t for _, t in cast], frames, i == 0, eyes)
         if track is not None:
             cast.append((performer, track))
-    surfaces = furnish_around(rng, room, view, cast)
-    seen_by = replace(sample_sensor(rng, sensor), far=rng.uniform(6.0, 10.0))
-    steady = int(rng.integers(2**31))
+    pets = [sample_pet_walk(rng, view, room, frames, fps) for _ in range(rng.integers(3))] if home else []
+    room.free = [*([free_points(views)] if moves else []), *(pet.points() for pet in pets)]
+    surfaces = furnish_around(rng, room, view, cast, home)
+    if model is not None:
+        seen_by = sample_named_sensor(rng, model)
+    elif home:
+        seen_by = sample_home_sensor(rng, sensor)
+    else:
+        seen_by = replace(sample_sensor(rng, sensor), far=rng.uniform(6.0, 10.0))
+    steady = None if moves else int(rng.integers(2**31))  # blotches stay on things, not on the image
     scenes = []
+    worn: tuple[tuple[str, ...], ...] = ()
     for t in range(frames):
-        persons = [person_at(p, track, t) for p, track in cast]
-        scene = render(view, surfaces, persons, seen_by, rng, steady)
+        persons = [person_at(p, track, t, home) for p, track in cast]
+        around = joined([surfaces, *(pet.surfaces(t) for pet in pets)])
+        scene = render(views[t], around, persons, seen_by, rng, steady)
         scenes.append((scene.depth, scene.joints, scene.seen, scene.visible))
+        worn = scene.fabrics
         if progress:
             progress(t + 1)
     depth, joints, seen, visible = (np.stack(part) for part in zip(*scenes, strict=True))
@@ -107,6 +149,9 @@ def sample_clip(
         visible,
         START_NS + np.rint(np.arange(frames) * 1e9 / fps).astype(np.int64),
         view.camera,
+        np.stack([v.T_camera_room for v in views]) @ upright_from("z"),
+        moves,
+        worn if home else (),
     )
 
 
@@ -116,12 +161,16 @@ def write_clip(path: Path, clip: RoomClip) -> None:
     with new_file(path.with_suffix(".npz")) as beside, DepthWriter(path, c, FRAME_ID) as writer:
         for stamp, depth in zip(clip.stamps_ns, clip.depth, strict=True):
             writer.write(int(stamp), depth)
-        np.savez_compressed(
-            beside,
-            joints=clip.joints,
-            stamps_ns=clip.stamps_ns,
-            names=np.array(JOINTS),
-            K=np.array([[c.fx, 0, c.cx], [0, c.fy, c.cy], [0, 0, 1.0]]),
-            seen=clip.seen,
-            visible=clip.visible,
-        )
+        truth: dict[str, NDArray[np.generic]] = {
+            "joints": clip.joints,
+            "stamps_ns": clip.stamps_ns,
+            "names": np.array(JOINTS),
+            "K": np.array([[c.fx, 0, c.cx], [0, c.fy, c.cy], [0, 0, 1.0]]),
+            "seen": clip.seen,
+            "visible": clip.visible,
+        }
+        if clip.moves:
+            truth["T_camera_world"] = clip.T_camera_world
+        if clip.materials:
+            truth["materials"] = np.array(clip.materials)
+        np.savez_compressed(beside, **truth)  # type: ignore[arg-type]

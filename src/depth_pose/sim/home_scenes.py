@@ -28,6 +28,9 @@ HOME_MOUNTINGS = {
 """Shares of mountings at home: those of `depth_pose.sim.scenes.MOUNTINGS`, on robots (0.3 to 1.2 m) and on
 shelves. Set by hand."""
 
+UPRIGHT_MOUNTINGS = ("common", "robot", "robot", "shelf")
+"""Mountings of cameras in recordings of homes, in which people walk about."""
+
 HOME_POSTURES = {
     "stand": 0.2, "walk": 0.13, "sit": 0.28, "lie": 0.12, "bend": 0.08,
     "reach": 0.05, "kneel": 0.06, "squat": 0.04, "crawl": 0.02, "lean": 0.02,

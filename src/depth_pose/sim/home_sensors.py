@@ -14,10 +14,13 @@ from dataclasses import replace
 import numpy as np
 
 from depth_pose.sim.scene_noise import SceneSensor, sample_sensor
+from depth_pose.sim.sensor import SENSORS
 from depth_pose.sim.stereo import StereoConfig
 
 HOME_FAMILIES = ("structured", "tof", "active", "passive")
 """Families of sensors at home, drawn in equal parts."""
+_NO_PROJECTOR = ("oak_d", "zed")
+"""Stereo cameras of `depth_pose.sim.sensor.SENSORS` that project no pattern."""
 
 
 def sample_home_sensor(rng: np.random.Generator, family: str | None = None) -> SceneSensor:
@@ -34,6 +37,22 @@ def sample_home_sensor(rng: np.random.Generator, family: str | None = None) -> S
         texture=(rng.uniform(0.1, 0.5), 0.5) if active else (rng.uniform(-0.5, 0.3), rng.uniform(0.5, 0.9)),
         darkness=rng.uniform(0.0, 0.3) if active else rng.uniform(0.0, 0.2),
     )
+
+
+def sample_named_sensor(rng: np.random.Generator, name: str) -> SceneSensor:
+    """Sample a sensor by its name in `depth_pose.sim.sensor.SENSORS`: range, baseline, steps, matching."""
+    model = SENSORS[name]
+    near, far, stereo = model.near, model.far, model.stereo
+    if stereo is None:
+        family = "structured" if model.noise.disparity_step else "tof"
+        drawn = sample_home_sensor(rng, family)
+        return replace(
+            drawn, near=near, far=far, baseline=model.projector_offset, step=model.noise.disparity_step
+        )
+    drawn = sample_home_sensor(rng, "passive" if name in _NO_PROJECTOR else "active")
+    errors = _sample_passive(rng) if name in _NO_PROJECTOR else _sample_active(rng)
+    stereo = replace(stereo, rim=errors.rim, mismatch=errors.mismatch, jump=errors.jump)
+    return replace(drawn, near=near, far=far, stereo=stereo, native_focal=model.camera.fx)
 
 
 def _filtered(camera: StereoConfig, rng: np.random.Generator) -> StereoConfig:
@@ -53,7 +72,7 @@ def _sample_active(rng: np.random.Generator) -> StereoConfig:
     return StereoConfig(
         baseline=float(rng.choice([0.05, 0.055, 0.095])),
         window=int(rng.integers(5, 17)),
-        fattening=rng.uniform(0.2, 0.9),
+        fattening=rng.uniform(0.1, 0.7),
         thin=rng.uniform(0.0, 0.5),
         error=float(np.exp(rng.uniform(np.log(0.06), np.log(0.35)))),
         blob=rng.uniform(4.0, 16.0),
@@ -70,7 +89,7 @@ def _sample_passive(rng: np.random.Generator) -> StereoConfig:
     return StereoConfig(
         baseline=float(rng.choice([0.075, 0.12])),
         window=int(rng.integers(7, 26)),
-        fattening=rng.uniform(0.2, 0.95),
+        fattening=rng.uniform(0.1, 0.8),
         thin=rng.uniform(0.0, 0.6),
         error=float(np.exp(rng.uniform(np.log(0.12), np.log(0.5)))),
         blob=rng.uniform(6.0, 30.0),
@@ -78,6 +97,6 @@ def _sample_passive(rng: np.random.Generator) -> StereoConfig:
         lost=rng.uniform(0.0, 0.5),
         edge_loss=float(rng.choice([0.02, rng.uniform(0.02, 0.6)])),
         rim=rng.uniform(0.5, 5.0),
-        mismatch=rng.uniform(0.1, 0.55),
+        mismatch=rng.uniform(0.25, 0.75),
         jump=rng.uniform(1.5, 7.0),
     )

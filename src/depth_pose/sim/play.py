@@ -13,12 +13,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.camera import Camera
 from depth_pose.sim.furniture import make_board, make_chair, make_pillar, make_plant, make_shelf
+from depth_pose.sim.homes import furnish_home
+from depth_pose.sim.materials import sample_wardrobe
 from depth_pose.sim.performers import Act, Performer, Track
 from depth_pose.sim.placed import Placed, place
 from depth_pose.sim.rooms import Room, furnish, make_room
 from depth_pose.sim.scene_view import View
-from depth_pose.sim.scenes import sample_view
+from depth_pose.sim.scenes import mount, sample_view
 from depth_pose.sim.shapes import Triangles, triangulate
 
 Array = NDArray[np.float64]
@@ -44,10 +47,26 @@ _EVERY = 24
 """Stride over a person's vertices in the intersection test with furniture. Set by hand."""
 
 
-def sample_stage(rng: np.random.Generator, width: int) -> tuple[View, Room]:
-    """Sample camera and room until people have space to walk and the camera looks along the floor."""
+def sample_stage(
+    rng: np.random.Generator, width: int, camera: Camera | None = None, mountings: Sequence[str] = ("common",)
+) -> tuple[View, Room]:
+    """Sample camera and room until people have space to walk and the camera looks along the floor.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    width : int
+        As for `depth_pose.sim.scenes.sample_scene`.
+    camera : Camera, optional
+        Intrinsics; random by default.
+    mountings : sequence of str
+        One of these is drawn for a given camera (`depth_pose.sim.scenes.mount`).
+    """
     while True:
-        view = sample_view(rng, width, "common")
+        if camera is None:
+            view = sample_view(rng, width, "common")
+        else:
+            view = mount(rng, camera, str(rng.choice(mountings)))
         tilt = np.rad2deg(np.arcsin(-view.rotation[2, 1]))
         room = make_room(rng, float(view.position[1]))
         w = room.walls
@@ -63,13 +82,17 @@ def sample_track(
     others: Sequence[Track],
     frames: int,
     may_sit: bool,
+    eyes: Array | None = None,
 ) -> Track | None:
-    """Sample paths through the room until one has no conflict; None after many tries."""
+    """Sample paths through the room until one has no conflict; None after many tries.
+
+    ``eyes`` (T, 2) are the spots of a camera that moves, x and z; the origin by default.
+    """
     for _ in range(_TRIES):
         acts = _plan(rng, view, room, frames / performer.fps, may_sit)
         start = _spot(rng, view, room)
         track = performer.perform(acts, start, rng.uniform(0, 2 * np.pi), frames)
-        if not _conflicts(track, room, others).any():
+        if not _conflicts(track, room, others, eyes).any():
             return track
     return None
 
@@ -109,10 +132,13 @@ def sample_long_track(
     return None
 
 
-def _conflicts(track: Track, room: Room, others: Sequence[Track]) -> NDArray[np.bool_]:
+def _conflicts(
+    track: Track, room: Room, others: Sequence[Track], eyes: Array | None = None
+) -> NDArray[np.bool_]:
     """Return at which frames (T,) a person is too close to a wall, to camera 0 or to another person."""
     bad = np.array([room.walls.inward(x, z) <= _FROM_WALLS_M for x, z in track.spots])
-    bad |= np.hypot(*track.spots.T) < _FROM_CAMERA_M
+    from_camera = track.spots if eyes is None else track.spots - eyes[: len(bad)]
+    bad |= np.hypot(*from_camera.T) < _FROM_CAMERA_M
     for other in others:
         bad |= np.linalg.norm(track.spots - other.spots[: len(bad)], axis=1) < _APART_M
         if other.seated.any():  # no one walks over a reserved seat
@@ -146,14 +172,18 @@ def _spot(rng: np.random.Generator, view: View, room: Room, outside: bool = Fals
     return 0.0, 2.0
 
 
-def person_at(performer: Performer, track: Track, t: int) -> Placed:
-    """Place a person as they are in frame ``t`` of their motion."""
+def person_at(performer: Performer, track: Track, t: int, home: bool = False) -> Placed:
+    """Place a person as they are in frame ``t`` of their motion; at home in clothes of known materials."""
     figure = performer.figure(track.rotations[t])
     (x, z), turn = track.spots[t], float(track.heading[t])
-    return place(figure, float(x), float(z), turn, np.random.default_rng(performer.clothes_seed))
+    rng = np.random.default_rng(performer.clothes_seed)
+    wardrobe = sample_wardrobe(rng) if home else None
+    return place(figure, float(x), float(z), turn, rng, wardrobe)
 
 
-def furnish_around(rng: np.random.Generator, room: Room, view: View, cast: Cast) -> Triangles:
+def furnish_around(
+    rng: np.random.Generator, room: Room, view: View, cast: Cast, home: bool = False
+) -> Triangles:
     """Furnish a room so that nothing intersects people or hides them from camera 0 for long.
 
     Parameters
@@ -164,6 +194,8 @@ def furnish_around(rng: np.random.Generator, room: Room, view: View, cast: Cast)
     view : View
         Camera 0; most furniture stands in its view.
     cast : sequence of (Performer, Track)
+    home : bool
+        Whether the furniture is that of a home.
 
     Returns
     -------
@@ -179,7 +211,7 @@ def furnish_around(rng: np.random.Generator, room: Room, view: View, cast: Cast)
     room.ways, room.longest_hidden = [track.spots for _, track in cast], round(_HIDDEN_S * fps)
     _put_seats(rng, room, cast, avoid)
     _put_hiding_places(rng, room, cast, avoid)
-    furnish(room, rng, avoid, view, min(room.walls.back, 8.0))
+    (furnish_home if home else furnish)(room, rng, avoid, view, min(room.walls.back, 8.0))
     return triangulate(room.shapes, rng)
 
 

@@ -73,14 +73,6 @@ class RoomCamera:
         shown = times + self.clock_offset + self.clock_drift * times
         return start_ns + np.rint(shown * 1e9).astype(np.int64)
 
-    @property
-    def T_camera_room(self) -> Array:
-        """Transform (4, 4) from the room frame, y up, to the optical frame."""
-        T = np.eye(4)
-        T[:3, :3] = self.view.rotation
-        T[:3, 3] = -self.view.rotation @ self.view.position
-        return T
-
 
 def place_cameras(
     rng: np.random.Generator,

@@ -183,7 +183,7 @@ def record_show(path: Path, show: RoomShow, progress: Callable[[int], None] | No
         truth = _truth(show, times, logs)
         truth["stamps_ns"] = stamps[0]
         np.savez_compressed(beside, **truth)  # type: ignore[arg-type]
-    rig = [RigCamera(f"camera{i}", c.view.camera, c.T_camera_room) for i, c in enumerate(show.cameras)]
+    rig = [RigCamera(f"camera{i}", c.view.camera, c.view.T_camera_room) for i, c in enumerate(show.cameras)]
     save_rig(path.with_suffix(".yaml"), rig, [DEPTH_TOPIC] * len(rig))
     return float(truth["visible"].mean()) if truth["visible"].size else 0.0
 
@@ -205,5 +205,5 @@ def _truth(
         "visible_by": visible,
         "clock_offsets_s": np.array([c.clock_offset for c in show.cameras]),
         "clock_drifts": np.array([c.clock_drift for c in show.cameras]),
-        "T_camera_world": np.stack([c.T_camera_room @ T_upright_world for c in show.cameras]),
+        "T_camera_world": np.stack([c.view.T_camera_room @ T_upright_world for c in show.cameras]),
     }

@@ -88,6 +88,8 @@ class Room:
         In videos: people's positions, x and z, one row per frame; no object is placed that hides one of them
         for more than `longest_hidden` consecutive frames.
     longest_hidden : int
+    free : list of (N, 3) arrays
+        Points that every object leaves free: paths of cameras and pets.
     """
 
     walls: Walls
@@ -96,6 +98,7 @@ class Room:
     shapes: Assembly = field(default_factory=lambda: Assembly(Kind.WALL))
     ways: list[Array] = field(default_factory=list)
     longest_hidden: int = 0
+    free: list[Array] = field(default_factory=list)
     _spots: list[tuple[float, float, float]] = field(default_factory=list)
 
     def put(
@@ -135,7 +138,7 @@ class Room:
         if high[1] > _HIDES_FROM_M and any(self._hides_too_long(way, x, z, radius) for way in self.ways):
             return False
         c, s = np.cos(turn), np.sin(turn)
-        for points in avoid:
+        for points in (*avoid, *self.free):
             dx, dz = points[:, 0] - x, points[:, 2] - z
             own = np.stack([c * dx - s * dz, points[:, 1], s * dx + c * dz], axis=1)
             if np.any(np.all((own > low) & (own < high), axis=1)):

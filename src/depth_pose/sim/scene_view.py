@@ -49,6 +49,14 @@ class View:
         return moved
 
     @property
+    def T_camera_room(self) -> Array:
+        """Transform (4, 4) from the room frame, y up, to the optical frame."""
+        T = np.eye(4)
+        T[:3, :3] = self.rotation
+        T[:3, 3] = -self.rotation @ self.position
+        return T
+
+    @property
     def overhead(self) -> bool:
         """Whether the camera looks down steeply."""
         return bool(self.rotation[2, 1] < -_OVERHEAD)

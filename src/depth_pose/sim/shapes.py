@@ -9,7 +9,7 @@ near 0, white paint near 1.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -217,6 +217,17 @@ class Assembly:
             low.append(points.reshape(-1, 3).min(axis=0, keepdims=True))
             high.append(points.reshape(-1, 3).max(axis=0, keepdims=True))
         return np.concatenate(low).min(axis=0), np.concatenate(high).max(axis=0)
+
+
+def joined(parts: Sequence[Triangles]) -> Triangles:
+    """Combine surfaces."""
+    first = np.cumsum([0] + [len(p.vertices) for p in parts[:-1]])
+    return Triangles(
+        np.concatenate([p.vertices for p in parts]),
+        np.concatenate([p.faces + start for p, start in zip(parts, first, strict=True)]),
+        np.concatenate([p.kind for p in parts]),
+        np.concatenate([p.albedo for p in parts]),
+    )
 
 
 def triangulate(assembly: Assembly, rng: np.random.Generator) -> Triangles:

@@ -31,8 +31,8 @@ _WEAK_LEAST, _WEAK_GAIN = 3.5, 2.5
 """Weakness of a surface (a unit field, and up to 2 for dark ones) above which it is lost. Set by eye."""
 _WRONG_LEAST = 4.0
 """The same above which it is matched wrongly. Set by eye."""
-_NEARER = np.float32(0.4)
-"""Mean of wrong matches' disparity, deviations: two thirds are nearer than the truth."""
+_NEARER = np.float32(0.2)
+"""Mean of wrong matches' disparity, deviations: more are nearer than farther. Set by hand."""
 _LOGISTIC = 1.702
 """A normal distribution's quantile is about the logit divided by this."""
 
