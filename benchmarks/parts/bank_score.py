@@ -21,6 +21,7 @@ from command_line import make_parser
 
 from depth_pose.bank import Bank
 from depth_pose.core.config import MatchConfig
+from depth_pose.core.odds import logistic
 from depth_pose.match.match import match_confidence
 from depth_pose.motion.procedural.generator import CLIPS
 from depth_pose.sim.config import Room
@@ -80,7 +81,7 @@ def fit(rows: np.ndarray) -> tuple[float, float]:
     design = np.stack([np.ones_like(score), score], axis=1)
     weights = np.zeros(2)
     for _ in range(30):
-        p = 1 / (1 + np.exp(-design @ weights))
+        p = logistic(design @ weights)
         hessian = design.T @ (design * (p * (1 - p))[:, None]) + 1e-3 * np.eye(2)
         weights += np.linalg.solve(hessian, design.T @ (right - p) - 1e-3 * weights)
     return float(-weights[0] / weights[1]), float(-1 / weights[1])

@@ -30,6 +30,7 @@ import numpy as np
 from command_line import make_parser
 
 from depth_pose.bank import Bank, default_bank_path
+from depth_pose.core.odds import logistic
 from depth_pose.core.skeleton import JOINT_NODES, JOINTS, JointState, Source
 from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.evaluate.truth import load_truth
@@ -231,7 +232,7 @@ def report_rooms(answers: RoomAnswers) -> None:
     weights = regress(answers.design[learned], answers.right[learned])
     for name, value in zip(SKELETON_SIGNS, weights, strict=True):
         print(f'    "{name}": {value:.2f},')
-    fitted = 1 / (1 + np.exp(-answers.design @ weights))
+    fitted = logistic(answers.design @ weights)
     rest = ~learned
     for name, stated in (("as stated", answers.stated), ("fitted now", fitted)):
         error = calibration_error(binned(stated[rest], answers.right[rest]))
@@ -277,7 +278,7 @@ def regress(design: np.ndarray, right: np.ndarray, known: np.ndarray | float = 0
     """Logistic regression by Newton's method, with a weak pull to 0; ``known`` log-odds are added."""
     weights = np.zeros(design.shape[1])
     for _ in range(60):
-        p = 1 / (1 + np.exp(-known - design @ weights))
+        p = logistic(known + design @ weights)
         hessian = design.T @ (design * (p * (1 - p))[:, None]) + np.eye(len(weights))
         weights += np.clip(np.linalg.solve(hessian, design.T @ (right - p) - weights), -1.0, 1.0)
     return weights

@@ -1,4 +1,4 @@
-"""Joints as means of what the fit and the second look say, by their variances."""
+"""Joints as means of what the fit and the joint net say, by their variances."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ def seen() -> FrameResult:
 
 
 def answer(seen: FrameResult, sides: float) -> Skeleton:
-    """The skeleton where the second look names left and right with a probability."""
+    """The skeleton where the joint net names left and right with a probability."""
     stage = make_recoverer(the_bank(), smooth=CONFIG.smooth)
     (skeleton,) = stage.recover(doubted(seen, sides), seen.refined)
     return skeleton
@@ -55,7 +55,7 @@ def test_a_doubtful_view_has_a_second_answer(seen) -> None:
 
 
 def test_a_view_that_the_depth_contradicts_has_none() -> None:
-    """Without noise the depth tells a chest from a back, whatever the second look says."""
+    """Without noise the depth tells a chest from a back, whatever the joint net says."""
     assert answer(see(0.0), 0.6).alternative is None
 
 

@@ -151,7 +151,7 @@ def test_a_thing_that_no_body_fits_is_vetoed(run) -> None:
 
 
 def test_a_sure_person_is_answered_where_no_body_fits(run) -> None:
-    """Their joints are those that the second look proposes, for the most part, with little confidence."""
+    """Their joints are those that the joint net proposes, for the most part, with little confidence."""
     stage = recoverer()
     answers = replay_misfit(stage, run, 0.95)
     assert None not in answers

@@ -19,6 +19,7 @@ from depth_pose.bank.views import AXES
 from depth_pose.body.pose import BodyPose
 from depth_pose.core.config import MatchConfig
 from depth_pose.core.measurement import JointMeasurement
+from depth_pose.core.odds import logistic
 from depth_pose.core.skeleton import JOINT_NODES, NODE_INDEX, NODES
 from depth_pose.core.types import Candidate, PoseMatch
 from depth_pose.match import turns
@@ -68,7 +69,7 @@ def match_confidence(score: float) -> float:
     A match is right if its joints are within 100 mm on average, before any refinement, and left and right,
     front and back are not exchanged.
     """
-    return float(1.0 / (1.0 + np.exp((score - _EVEN_SCORE) / _SCORE_SPREAD)))
+    return float(logistic((_EVEN_SCORE - score) / _SCORE_SPREAD))
 
 
 class Matcher:

@@ -2,7 +2,7 @@ r"""Confidence of skeletons and joints, and the visibility state of each joint.
 
 A joint's confidence is the probability that it lies within 10 cm of the true position. Its log-odds are a sum
 of a term for the kind of joint, terms for the observations at the joint and along the limb segment that ends
-there, terms for the distance from the joint proposed by the finder's second look (`SIGNS`), and one for the
+there, terms for the distance from the joint proposed by the joint net (`SIGNS`), and one for the
 fit's rendered-depth score,
 
 .. math:: \log\frac{p_j}{1 - p_j} = k_j + \sum_i w_i\, s_{ij} + w\, \mathrm{score}
@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.measurement import JointMeasurement
+from depth_pose.core.odds import logistic, logit
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointState
 from depth_pose.recover import _confidence_kernels as kernels
 from depth_pose.track.person_view import PersonView
@@ -142,7 +143,7 @@ def fit_confidence(score: float) -> float:
 
     It ignores clutter; `skeleton_confidence` takes it into account.
     """
-    return float(1.0 / (1.0 + np.exp((score - _HALF_SURE_SCORE) / _SCORE_SPREAD)))
+    return float(logistic((_HALF_SURE_SCORE - score) / _SCORE_SPREAD))
 
 
 def skeleton_signs(
@@ -158,7 +159,7 @@ def skeleton_signs(
         apart = np.linalg.norm(joints - measured.places, axis=1)
         gap = float(np.minimum(apart, _FAR_APART_M) @ trust / max(float(trust.sum()), 1e-6))
     mean = float(joint_confidence[seen].mean())
-    return np.array([1.0, _log_odds(person.found.probability), _log_odds(mean), gap])
+    return np.array([1.0, logit(person.found.probability, _LEAST_CHANCE), logit(mean, _LEAST_CHANCE), gap])
 
 
 def joints_that_count(states: NDArray[np.uint8]) -> NDArray[np.bool_]:
@@ -185,12 +186,7 @@ def skeleton_confidence(
     joint_confidence : (19,) float64
     """
     odds = float(skeleton_signs(person, joints, states, joint_confidence) @ _SKELETON_ODDS)
-    return float(1.0 / (1.0 + np.exp(-odds)))
-
-
-def _log_odds(chance: float) -> float:
-    chance = min(max(chance, _LEAST_CHANCE), 1.0 - _LEAST_CHANCE)
-    return float(np.log(chance / (1.0 - chance)))
+    return float(logistic(odds))
 
 
 def measure_joint_signs(positions: NDArray[np.float64], scale: float, person: PersonView) -> JointSigns:
@@ -249,7 +245,7 @@ def report_joints(
     """
     seen = measure_joint_signs(positions, scale, person)
     odds = _KIND_ODDS + seen.signs @ _SIGN_ODDS + SCORE * score
-    confidence = 1.0 / (1.0 + np.exp(-odds))
+    confidence = logistic(odds)
     column = person.camera.fx * positions[:, 0] / positions[:, 2] + person.camera.cx
     beside = np.abs(column - 0.5 * (person.camera.width - 1)) > 0.5 * person.camera.width
     confidence[beside] = np.minimum(confidence[beside], BESIDE)

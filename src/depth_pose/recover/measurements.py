@@ -2,7 +2,7 @@ r"""Joints fused from two measurements: the fitted body, and the finder's propos
 
 The fitted body is right within a centimetre where it explains the depth, and unreliable where it does not:
 its standard deviation :math:`\sigma_f` grows with the rendered-depth disagreement :math:`s`, and where the
-confidence :math:`p_j` of the joint is low. The finder's second look states the deviations of each joint
+confidence :math:`p_j` of the joint is low. The joint net states the deviations of each joint
 across and along its ray. The joint is the mean weighted by inverse covariances,
 
 .. math:: x_j = f_j + \sigma_f^2\, (\sigma_f^2 1 + C_j)^{-1} (q_j - f_j), \qquad

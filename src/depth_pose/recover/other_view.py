@@ -1,6 +1,6 @@
 """A second answer, for frames in which a person's left and right cannot be told.
 
-From the front and from behind people may look alike, as from straight above, or far away. The second look
+From the front and from behind people may look alike, as from straight above, or far away. The joint net
 states how surely it names the sides (`JointMeasurement.sides`). What was seen surely is remembered for a
 moment: a pose that is followed keeps its sides.
 """
@@ -11,15 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.measurement import JointMeasurement
+from depth_pose.core.odds import logistic, logit
 from depth_pose.core.skeleton import MIRROR_JOINTS
 from depth_pose.refine.proposals import is_named_alike
 from depth_pose.track.state import Sides
 
 _HALF_LIFE_S = 0.5
 """Half-life of the remembered log-odds: a person may turn round in a second. Set by hand."""
-
-_SUREST = 1e-4
-"""Probabilities are clipped to this distance from 0 and 1."""
 
 
 def renew_sides(
@@ -46,13 +44,12 @@ def renew_sides(
     """
     if measured is None:
         return sides, 1.0
-    p = min(max(float(measured.sides), _SUREST), 1.0 - _SUREST)
-    said = float(np.log(p / (1.0 - p))) * (1.0 if is_named_alike(joints, measured) else -1.0)
+    said = logit(measured.sides) * (1.0 if is_named_alike(joints, measured) else -1.0)
     kept = sides.logit * 0.5 ** (1e-9 * (stamp_ns - sides.stamp_ns) / _HALF_LIFE_S)
     if sides.joints is not None and _is_turned(joints, sides.joints):
         kept = 0.0  # they turned round, or the answer changed its mind
-    logit = said if abs(said) >= abs(kept) else kept
-    return Sides(logit, stamp_ns, joints), float(1.0 / (1.0 + np.exp(-logit)))
+    log_odds = said if abs(said) >= abs(kept) else kept
+    return Sides(log_odds, stamp_ns, joints), float(logistic(log_odds))
 
 
 def _is_turned(joints: NDArray[np.float64], before: NDArray[np.float64]) -> bool:

@@ -20,7 +20,7 @@ proposals :math:`q_j` of the joints :math:`x_j(\theta)` as observations,
 .. math:: E_{joints} = w\,\sigma^2 \sum_j \rho_j\, (x_j - q_j)^T C_j^{-1} (x_j - q_j), \qquad
    C_j = (\sigma_{j\perp}^2 + \sigma_0^2)(1 - d_j d_j^T) + (\sigma_{j\parallel}^2 + \sigma_0^2)\, d_j d_j^T
 
-with the deviations that the second look states across and along the ray :math:`d_j`, a floor :math:`\sigma_0`
+with the deviations that the joint net states across and along the ray :math:`d_j`, a floor :math:`\sigma_0`
 for what all frames of a person have in common, and the robust weights :math:`\rho_j` of Geman and McClure
 (*Statistical methods for tomographic image reconstruction*, 1987). The factor :math:`\sigma^2` states them in
 the units of the mixture, whose own :math:`1 / \sigma^2` is left out: proposals decide more at the coarse

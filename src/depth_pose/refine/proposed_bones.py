@@ -1,7 +1,7 @@
 r"""Proposed bone lengths, and how much of a person's apparent size is due to clothes.
 
 A build (`refine.personal`) is measured on the visible surface, and clothes only ever add to that: a coat, a
-skirt or thick hair increase the size, by up to a quarter. The finder's second look is trained on joints of
+skirt or thick hair increase the size, by up to a quarter. The joint net is trained on joints of
 people in clothes. The lengths between its proposals are coarse in a single frame and for a single bone, but
 their median over frames and bones is right within 3 % for any clothes. Clothes also make arms and legs
 thicker. With :math:`z` the mean log ratio of the build's bone lengths to the proposed ones, and :math:`g` the

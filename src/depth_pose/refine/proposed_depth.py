@@ -1,7 +1,7 @@
 r"""Depth of the joints below the clothes, from the finder's proposals.
 
 From the front the visible surface does not distinguish a deep trunk from one that stands a little nearer:
-under a coat the fitted trunk lies 2 to 7 cm in front of the true one. The finder's second look is trained on
+under a coat the fitted trunk lies 2 to 7 cm in front of the true one. The joint net is trained on
 joints of people in clothes, and the median over frames of the depth difference to its trunk joints is right
 within 2 cm. With :math:`d` that depth, :math:`r` the derivative of the trunk's skin toward the camera by
 breadth and depth, and :math:`z = d - r^T x` the depth that the trunk lacks according to the proposals,
