@@ -226,7 +226,7 @@ def test_what_cannot_be_started_is_refused(start, rig_path):
     node = ("-m", "depth_pose.ros.nodes.fusion_node", "--ros-args")
     cases = (
         (("-p", f"rig:={rig_path}", "-p", "topics:=[/a]"), "has 2 cameras: cam_a, cam_b"),
-        (("-p", "topics:=['/a b', /c]"), "name all cameras' topics by the parameter topics"),
+        (("-p", "topics:=['/a b', /c]"), "give all cameras' topics by the parameter topics"),
     )
     for process, said in [(start(*node, *arguments), said) for arguments, said in cases]:
         assert process.process.wait(LIMIT_S) == 2

@@ -154,7 +154,7 @@ def test_the_command_records_three_cameras(tmp_path: Path, call: Callable[..., D
     ("options", "says"),
     [
         (("--cameras", "2"), "--cameras needs --room"),
-        (("--room", "--clock-offset", "0.1"), "--clock-offset goes with --cameras 2 or more"),
+        (("--room", "--clock-offset", "0.1"), "--clock-offset needs --cameras 2 or more"),
         (("--room", "--cameras", "9"), "--cameras"),
     ],
 )
