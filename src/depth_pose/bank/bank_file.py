@@ -38,7 +38,7 @@ FORMAT_VERSION = 2
 """Version of the file that is written."""
 
 BANK_SCHEMES = ("partial", "paper")
-"""Those of `depth_pose.bank.views.SCHEMES` that banks are made with."""
+"""Schemes of `depth_pose.bank.views.SCHEMES` that a bank may have."""
 
 _LEAST_STATURE_M, _MOST_STATURE_M = 0.3, 3.0
 """Minimum and maximum height of a bank's body (m), as in `depth_pose.body.files`."""
@@ -56,7 +56,7 @@ _STEP_BITS = 16
 """Significant bits of a coefficient's step; float32 has 24, an 8-bit integer the other 8."""
 
 Shapes = dict[str, tuple[str, tuple[int | str, ...]]]
-"""Arrays of a file, their types and shapes; a letter is a length that others share."""
+"""Arrays of a file, their types and shapes; a letter stands for a length that several arrays share."""
 
 _COMMON: Shapes = {
     "body_vertices": ("float64", ("V", 3)),

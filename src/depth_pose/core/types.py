@@ -134,7 +134,7 @@ class PoseMatch:
 
 
 BUILD_SIZE = 13
-"""Numbers of a person's build: those of `depth_pose.body.build.BUILD_NAMES`."""
+"""Length of a person's build vector, as `depth_pose.body.build.BUILD_NAMES`."""
 
 
 class Joint(NamedTuple):

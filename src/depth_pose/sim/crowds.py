@@ -65,7 +65,7 @@ _ANYBODY = Casting()
 def place_people(
     rng: np.random.Generator, count: int, view: View, room: Room, casting: Casting = _ANYBODY
 ) -> list[Placed]:
-    """Place people within the camera's view, without intersections; what they rest on goes into the room."""
+    """Place people within the camera's view, without intersections; their supports are added to the room."""
     persons: list[Placed] = []
     seats: list[Spot] = []
     for _ in range(count):

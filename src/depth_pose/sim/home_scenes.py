@@ -42,7 +42,7 @@ _PEOPLE_SHARES = (0.2, 0.38, 0.22, 0.1, 0.05, 0.03, 0.02)
 WRAPPED = 2.5
 """Factor on the shares of people in coats, skirts and cloaks and with bags. Set by hand."""
 CHILDREN, CHILD_M = 0.12, 1.3
-"""Share of people who are small children for sure, and their maximum stature, metres."""
+"""Share of people who are always small children, and their maximum stature (m)."""
 HOLDING = 0.12
 """Share of standing people who hold a cloth or board up before themselves. Set by hand."""
 _DARK_SEATS = 0.3

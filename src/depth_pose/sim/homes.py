@@ -94,7 +94,7 @@ _PIECES = (15, 41)
 _DARK_SHARE = 0.18
 """Share of pieces that return little light. Set by hand."""
 _BEFORE_SHARE = 0.45
-"""Share of people with something before them. Set by hand."""
+"""Share of people with an object in front of them. Set by hand."""
 _TRIES = 5
 """Number of spots tried for each object. Set by hand."""
 _CLEAR_M, _CLOSE = 1.6, 0.06

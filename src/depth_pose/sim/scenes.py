@@ -250,7 +250,7 @@ def _joined(parts: Sequence[tuple[Array, NDArray[np.int64]]]) -> tuple[Array, ND
 
 
 def _seen(view: View, joints: Array, depth: NDArray[np.float32], own: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """Whether each joint is inside the image with nothing but its owner before it."""
+    """Whether each joint is inside the image and not occluded by anything but its owner."""
     pixels = np.rint(np.nan_to_num(view.project(joints), nan=-1.0, posinf=-1.0, neginf=-1.0))
     size = np.array([view.camera.width, view.camera.height])
     inside = np.all((pixels >= 0) & (pixels < size), axis=-1)
