@@ -45,7 +45,7 @@ SKELETONS = "depth_pose/skeletons"
 SETTINGS: tuple[Setting, ...] = (
     Setting("bank", "", "Exemplar bank whose body rep155 uses; empty: the embedded body"),
     Setting("rig", "", "Rig file: names and poses of the cameras; empty: poses from /tf_static"),
-    Setting("topics", [""], "Skeletons of each camera; default: /CAMERA/depth_pose/skeletons, named by the rig"),
+    Setting("topics", [""], "Skeletons of each camera; default: /CAMERA/depth_pose/skeletons of the rig"),
     Setting("room_frame", "room", "Frame of the merged skeletons: z up, the floor at z = 0"),
     Setting("tf", False, "Broadcast every joint on /tf"),
     Setting("tf_prefix", "", "Prefix of the joints' names on /tf"),
