@@ -128,7 +128,7 @@ def test_defaults_are_those_of_the_configuration(call: Callable[..., Done]) -> N
         (["run", "{in}", "{in}", "-o", "out.mcap"], 2, "out.mcap is a file's name"),
         (["run", "{in}", "none.mcap", "-o", "out"], 1, "none.mcap cannot be read"),
         (["run", "*.nothing", "-o", "out"], 1, "*.nothing"),
-        (["run", "{in}", "{in}", "-o", "o", "--workers", "1", "--cluster", "tcp://x:1"], 2, "one of them"),
+        (["run", "{in}", "{in}", "-o", "o", "--workers", "1", "--cluster", "tcp://x:1"], 2, "give either"),
         (["eval", "none.npz", "{in}"], 1, "none.npz"),
         (["eval", "joints.json", "{in}"], 2, "--recording"),
         (["eval", "joints.json", "{in}", "--recording", "{in}", "--plot", "e.png"], 2, "in pixels"),
