@@ -5,15 +5,21 @@ The four ROS nodes run the same four stages; here they run one after the other i
 
 from __future__ import annotations
 
+import multiprocessing
+import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 
 from threadpoolctl import ThreadpoolController
 
-from depth_pose.bank.bank import Bank
+from depth_pose.bank.bank import Bank, default_bank_path
 from depth_pose.body.pose import Fitted
 from depth_pose.core.config import PipelineConfig
+from depth_pose.core.kernels import is_compiled
 from depth_pose.core.mount import rotate_to_sensor, rotate_upright
 from depth_pose.core.types import DepthFrame, PoseMatch, Skeleton
 from depth_pose.perception import Perception
@@ -124,5 +130,40 @@ class PosePipeline:
 
     def warm_up(self) -> None:
         """Compile (or load from the cache) every kernel, so that the first frame is not late."""
-        for stage in self._stages[:-1]:
-            stage.warm_up()
+        with _compiling_beside():
+            for stage in self._stages[:-1]:
+                stage.warm_up()
+
+
+def warm_up_later_stages() -> None:
+    """Compile the kernels of the fit and of the recovery, which take longest, for the default settings."""
+    shared = Shared(Bank.load(default_bank_path()))
+    shared.make_refiner().warm_up()
+    shared.make_recoverer().warm_up()
+
+
+@contextmanager
+def _compiling_beside() -> Iterator[None]:
+    """Compile the later stages' kernels in a second process meanwhile, where they are not on disk yet.
+
+    Both processes find on disk what the other has compiled. Workers, of which there are several, go without.
+    """
+    from depth_pose.refine._articulated_kernels import fit
+
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if cores < 2 or multiprocessing.parent_process() is not None or is_compiled(fit):
+        yield
+        return
+    source = str(Path(__file__).parents[1])
+    search = os.pathsep.join(filter(None, (source, os.environ.get("PYTHONPATH"))))
+    code = f"from {__name__} import warm_up_later_stages; warm_up_later_stages()"
+    process = subprocess.Popen(
+        [sys.executable, "-c", code],
+        env={**os.environ, "PYTHONPATH": search},
+        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    try:
+        yield
+    finally:
+        process.kill()  # all that is needed is there; numba writes its files whole or not at all
+        process.wait()

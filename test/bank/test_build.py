@@ -15,7 +15,7 @@ def few(bank):
 
 
 @pytest.mark.slow
-def test_same_bank_from_any_number_of_workers(body, few, monkeypatch):
+def test_same_bank_from_any_number_of_workers(body, few, monkeypatch, tmp_path):
     monkeypatch.setattr(building, "POSES_PER_PART", 4)
     told = []
     config = BuildConfig(dimensions=12)
@@ -24,6 +24,9 @@ def test_same_bank_from_any_number_of_workers(body, few, monkeypatch):
         for workers in (0, 1, 2)
     ]
     assert len({b.bank_id for b in banks}) == 1
+    for number, made in enumerate(banks):
+        made.save(tmp_path / f"{number}.npz")
+    assert len({(tmp_path / f"{number}.npz").read_bytes() for number in range(3)}) == 1
     count = len(few)
     once = [(min(n, count), count) for n in range(4, count + 4, 4)]
     assert told == 3 * once

@@ -1,4 +1,8 @@
-"""The bank that comes with the package is what its command makes of today's sources."""
+"""The bank that comes with the package is what its command makes of today's sources.
+
+Where these tests fail after a change of the body, the poses or the views, make it again:
+``depth-pose bank build -o src/depth_pose/bank/data/default_bank.npz``.
+"""
 
 from __future__ import annotations
 

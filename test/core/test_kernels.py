@@ -95,3 +95,16 @@ def test_a_private_folder_is_nobody_elses(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr("tempfile.tempdir", "/proc/nothing")
     assert private_folder("a") is None
     assert not is_writable(Path("/proc/nothing"))
+
+
+def test_it_is_known_whether_a_kernel_is_compiled(script: Path, tmp_path: Path) -> None:
+    asking = tmp_path / "kernel.py"
+    text = script.read_text().replace("import njit", "import is_compiled, njit")
+    asking.write_text(
+        text.replace("print(", "before = is_compiled(add_up)\nprint(before, ") + "print(is_compiled(add_up))"
+    )
+    cache = tmp_path / "cache"
+    assert [_run(asking, NUMBA_CACHE_DIR=str(cache))[i] for i in (0, -1)] == ["False", "True"]
+    assert _run(asking, NUMBA_CACHE_DIR=str(cache))[0] == "True"
+    asking.write_text(asking.read_text().replace("i * i", "i * 3"))  # another source
+    assert _run(asking, NUMBA_CACHE_DIR=str(cache))[0] == "False"

@@ -91,11 +91,8 @@ def make_body(shape: BodyShape | None = None) -> Body:
 
 @lru_cache(maxsize=1)
 def _template() -> Body:
-    """Read the body of `BodyShape()`; its arrays cannot be written to."""
-    body = load_body(TEMPLATE)
-    for array in (body.vertices, body.faces, body.weights, body.nodes):
-        array.setflags(write=False)
-    return body
+    """Read the body of `BodyShape()`."""
+    return load_body(TEMPLATE)  # writable: for other arrays all kernels would be compiled once more
 
 
 def _shaped_nodes(nodes: Array, shape: BodyShape) -> tuple[Array, Array]:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core._select_kernels import kth_smallest
 from depth_pose.core.kernels import njit
 from depth_pose.core.measurement import CropView
 from depth_pose.core.types import BACKGROUND
@@ -177,7 +178,7 @@ def measure_bend(grid, whose, label, step):
                 count += 1
     if count == 0:
         return STRAIGHTEST
-    return max(np.partition(bends[:count], count // 2)[count // 2], STRAIGHTEST)
+    return max(kth_smallest(bends[:count], count // 2), STRAIGHTEST)
 
 
 @njit(cache=True)

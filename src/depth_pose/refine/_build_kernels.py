@@ -65,12 +65,13 @@ def add_up(target, body, shapes, pose, settings, sigma, nodes, sums):
     """Sum the products of all residual derivatives at a pose; ``nodes`` (21, 3) is written as well."""
     coarse, count = target.coarse, body.normals.shape[0]
     vertices, normals, visible = np.empty((count, 3)), np.empty((count, 3)), np.empty(count, np.bool_)
-    mass, pull, zbuffer = np.empty(count), np.empty((count, 3)), np.empty(coarse.depth.shape)
+    mass, pull, zbuffer = np.empty(count), np.empty((count, 3)), np.empty(coarse.depth.shape, np.float32)
     skin(body.skin, pose.rotations, pose.root, pose.scale, vertices, nodes)
     turn_normals(body.normals, body.skin.influence, pose.rotations, normals)
     rasterize(vertices, body.skin.faces, coarse.camera, zbuffer)
     mark_visible(vertices, normals, zbuffer, coarse.camera, _BEHIND_M, visible)
-    assign(target.points, 1, vertices, visible, sigma, settings.outlier, mass, pull)
+    stride = np.int64(1)  # not the literal, for which the kernel would be compiled once more
+    assign(target.points, stride, vertices, visible, sigma, settings.outlier, mass, pull)
     model = Model(body.skin, shapes, pose, _node_shifts(body.skin.parents, shapes, pose))
     row = np.empty(8 + shapes.nodes.shape[2])
     normal = np.empty(3)

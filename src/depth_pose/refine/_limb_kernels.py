@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core._camera_kernels import project, ray
+from depth_pose.core._select_kernels import kth_smallest
 from depth_pose.core.kernels import njit
 from depth_pose.core.types import PERSON
 
@@ -229,10 +230,23 @@ def _least(values, count):
     The last value is always included, as the last one.
     """
     own = values.shape[0] - 1
-    limit = np.partition(values, count - 1)[count - 1] if count <= own else np.inf
-    near = np.flatnonzero(values <= limit)
-    order = near[np.argsort(values[near], kind="mergesort")][:count]
-    return np.append(order[order != own], own)
+    limit = kth_smallest(values, count - 1) if count <= own else np.inf
+    order, filled = np.empty(min(count, own + 1) + 1, np.int64), 0
+    for i in range(own + 1):  # of equal values the first comes first
+        if values[i] <= limit and (filled < count or values[i] < values[order[filled - 1]]):
+            at = min(filled, count - 1)
+            while at > 0 and values[order[at - 1]] > values[i]:
+                order[at] = order[at - 1]
+                at -= 1
+            order[at] = i
+            filled = min(filled + 1, count)
+    kept = 0
+    for i in order[:filled]:
+        if i != own:
+            order[kept] = i
+            kept += 1
+    order[kept] = own
+    return order[: kept + 1]
 
 
 @njit(cache=True, fastmath=True)

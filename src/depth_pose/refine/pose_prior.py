@@ -33,7 +33,7 @@ _POSES = 6000
 def usual_joints(bank: Bank) -> NDArray[np.float64]:
     """Return the joints (N, 19, 3) of a bank's poses and their mirror images, in trunk axes, metres."""
     step = max(1, bank.poses // _POSES)
-    joints = kernels.in_trunk_axes_all(bank.pose_nodes[::step][:, JOINT_NODES])
+    joints = kernels.in_trunk_axes_all(np.ascontiguousarray(bank.pose_nodes[::step][:, JOINT_NODES]))
     return np.concatenate([joints, joints[:, MIRROR_JOINTS] * np.array([-1.0, 1.0, 1.0])])
 
 
