@@ -29,7 +29,7 @@ def test_scaled_to_the_reference(body, tmp_path):
     [
         ({"weights": None}, "weights is missing"),
         ({"nodes": np.zeros((19, 3))}, r"nodes is float64\[19, 3\]"),
-        ({"faces": np.array([[0, 1, 99999]])}, "faces names vertices"),
+        ({"faces": np.array([[0, 1, 99999]])}, "indices of vertices that do not exist"),
         ({"weights": "zero"}, "no row may be all zero"),
         ({"vertices": "mm"}, "unit must be metres"),
     ],
