@@ -27,6 +27,7 @@ import numpy as np
 
 from depth_pose.bank import Bank, build_bank, default_bank_path
 from depth_pose.bank.build import BuildConfig
+from depth_pose.body.pose import Fitted
 from depth_pose.body.procedural import make_body
 from depth_pose.core.config import PipelineConfig, RecoverConfig, RefineConfig, SmoothConfig
 from depth_pose.core.skeleton import Source
@@ -79,11 +80,12 @@ def run(
     return results, reasons
 
 
-def error_mm(skeleton: Skeleton, known: np.ndarray) -> float:
+def error_mm(answer: Skeleton | Fitted, known: np.ndarray) -> float:
     """Mean joint error, millimetres; NaN where the person is lost."""
-    if skeleton.is_lost:
+    if answer.is_lost:
         return float("nan")
-    return 1e3 * float(np.linalg.norm(skeleton.positions - known, axis=1).mean())
+    joints = answer.joints if isinstance(answer, Fitted) else answer.positions
+    return 1e3 * float(np.linalg.norm(joints - known, axis=1).mean())
 
 
 def detection(bank: Bank, paths: list[Path]) -> None:
@@ -95,22 +97,21 @@ def detection(bank: Bank, paths: list[Path]) -> None:
         part = counts["tested on" if number % 2 else "chosen on"]
         fits = [next(iter(r.refined), None) for r in results]
         right = [
-            fit is not None and error_mm(fit.skeleton, k) < 1e3 * RIGHT_M
-            for fit, k in zip(fits, known, strict=True)
+            fit is not None and error_mm(fit, k) < 1e3 * RIGHT_M for fit, k in zip(fits, known, strict=True)
         ]
         for t in range(1, len(results)):
             if not (right[t - 1] and right[t]):
                 continue
             good, now = fits[t - 1], fits[t]
-            part["right"][0] += check.find(now, good, good.skeleton) is not None
+            part["right"][0] += check.find(now, good, good) is not None
             part["right"][1] += 1
             if t % 5:
                 continue
             for kind in KINDS:
                 wrong = fail(kind, now, results[t].people.persons[0], bank, rng)
-                if np.linalg.norm(wrong.skeleton.positions - known[t], axis=1).max() < WRONG_M:
+                if np.linalg.norm(wrong.joints - known[t], axis=1).max() < WRONG_M:
                     continue
-                part[kind][0] += check.find(wrong, good, good.skeleton) is not None
+                part[kind][0] += check.find(wrong, good, good) is not None
                 part[kind][1] += 1
     for part, rows in counts.items():
         found, all_ = (sum(rows[k][i] for k in KINDS) for i in (0, 1))

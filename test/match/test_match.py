@@ -148,23 +148,19 @@ def test_warm_up_leaves_no_trace(bank):
     ]
 
 
-def test_a_wrong_facing_that_agrees_nearly_as_well_gives_way(bank, matcher):
-    """The right exemplar, and one facing the other way whose score was a little better."""
+@pytest.mark.parametrize(("margin", "is_kept"), [(0.01, True), (0.2, False)])
+def test_a_facing_that_agrees_nearly_as_well_is_kept(bank, matcher, margin, is_kept):
+    """Four exemplars that face one way, and behind them one that faces the other way."""
     person = seen_as_in_the_bank(bank, 31, 4)[1].persons[0]
-    rough = matcher.compare_roughly(person, 1.0, 64)
-    right = rough.take(rough.ranking()[:1])
-    half = right.rotations @ syn.rotation("y", 180.0)
-    wrong = right._replace(
-        rotations=half,
-        nodes=right.nodes[:, MIRROR_NODES],
-        scores=right.scores - 0.01,
-    )
-    settled = matcher.settle_facing(join([wrong, right]), person, 1.0)
-    np.testing.assert_array_equal(settled.rotations[0], right.rotations[0])
-    np.testing.assert_array_equal(settled.rotations[1], half[0])
-    far = wrong._replace(scores=right.scores - 0.2)
-    kept = matcher.settle_facing(join([far, right]), person, 1.0)
-    np.testing.assert_array_equal(kept.rotations[0], half[0])
+    rough = matcher.exemplars.compare_roughly(person, 1.0, 64)
+    best = rough.take(rough.ranking()[:1])
+    steps = [0.2 * k * np.array([1.0, 0.0, 0.0]) for k in range(4)]
+    alike = [best._replace(nodes=best.nodes + s, translations=best.translations + s) for s in steps]
+    half = best.rotations @ syn.rotation("y", 180.0)
+    turned = best._replace(rotations=half, nodes=best.nodes[:, MIRROR_NODES], scores=best.scores + margin)
+    kept = matcher.exemplars.keep_different(join([*alike, turned]), None)
+    assert len(kept) == MatchConfig().keep
+    assert any((c.rotation == half[0]).all() for c in kept) == is_kept
 
 
 @pytest.mark.parametrize("view", [1, 4, 6])

@@ -13,7 +13,8 @@ from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, MIRROR_JOINTS, forward_kinematics
 from depth_pose.match.proposed_exemplars import ProposedExemplars
-from depth_pose.refine.proposals import aim_at_proposals, from_proposals
+from depth_pose.refine.objective import distance_from
+from depth_pose.refine.proposals import aim_at_proposals
 
 AHEAD = np.array([0.3, 0.1, 2.6])
 
@@ -106,7 +107,7 @@ def test_distances_from_proposals_count_in_their_standard_deviations(bank):
     def moved(by):
         places = joints.copy()
         places[7] += by
-        return from_proposals(nodes, replace(found(places), sigma=sigma))
+        return distance_from(replace(found(places), sigma=sigma), nodes)
 
     assert moved(np.zeros(3)) == pytest.approx(0.0, abs=1e-5)
     assert moved(0.1 * aside) == pytest.approx(0.1 / across / 19, rel=0.02)

@@ -92,6 +92,26 @@ NO_PROPOSALS = Proposals(np.zeros(0, np.int64), np.zeros((2, 0, 3)), np.zeros((2
 """For people without measured joints."""
 
 
+class NamedJoints(NamedTuple):
+    """Measured joints under one naming of left and right.
+
+    Attributes
+    ----------
+    places : (19, 3) float64
+        Camera frame, metres.
+    confidence : (19,) float64
+    sigmas : (19, 2) float64
+        Standard deviations across the ray and along it, metres.
+    is_exchanged : bool
+        Whether left and right are exchanged against the measurement.
+    """
+
+    places: NDArray[np.float64]
+    confidence: NDArray[np.float64]
+    sigmas: NDArray[np.float64]
+    is_exchanged: bool
+
+
 def _no_heels() -> NDArray[np.float32]:
     return np.zeros((0, 5), np.float32)
 
@@ -146,6 +166,13 @@ class JointMeasurement:
         )
         heels = np.stack([self.heels, self.heels[::-1]]).astype(np.float64)
         return Proposals(np.asarray(JOINT_NODES, np.int64), places, weights, sigmas, heels)
+
+    def named_like(self, joints: NDArray[np.float64]) -> NamedJoints:
+        """Return the joints under the naming of left and right that is nearer to ``joints``, (19, 3)."""
+        both = self.both
+        apart = (both.weights * ((both.places - joints) ** 2).sum(axis=2)).sum(axis=1)
+        side = 0 if apart[0] <= apart[1] else 1
+        return NamedJoints(both.places[side], both.weights[side], both.sigmas[side], side == 1)
 
     def moved(self, by: NDArray[np.float64], unsure_m: float) -> JointMeasurement:
         """Return the joints translated by a vector (3,), metres, with a deviation added to theirs."""

@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.measurement import JointMeasurement
-from depth_pose.refine.proposals import named_alike
 
 _FIT_M, _FIT_RISE_M, _FIT_SCORE = 0.01, 0.3, 0.25
 """Standard deviation of a good fit (m), its rise with the score (m), and the score where the rise begins;
@@ -65,7 +64,7 @@ def weigh_joints(
     """
     if measured is None:
         return Measured(fitted, np.zeros((len(fitted), 2)))
-    proposed = named_alike(fitted, measured)
+    proposed = measured.named_like(fitted)
     apart = proposed.places - fitted
     ray = proposed.places / np.linalg.norm(proposed.places, axis=1, keepdims=True)
     along = (apart * ray).sum(axis=1, keepdims=True) * ray

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.odds import logistic, logit
 from depth_pose.core.skeleton import MIRROR_JOINTS
-from depth_pose.refine.proposals import is_named_alike
 from depth_pose.track.state import Sides
 
 _HALF_LIFE_S = 0.5
@@ -44,10 +43,10 @@ def renew_sides(
     """
     if measured is None:
         return sides, 1.0
-    said = logit(measured.sides) * (1.0 if is_named_alike(joints, measured) else -1.0)
     kept = sides.logit * 0.5 ** (1e-9 * (stamp_ns - sides.stamp_ns) / _HALF_LIFE_S)
     if sides.joints is not None and _is_turned(joints, sides.joints):
         kept = 0.0  # they turned round, or the answer changed its mind
+    said = logit(measured.sides) * (-1.0 if measured.named_like(joints).is_exchanged else 1.0)
     log_odds = said if abs(said) >= abs(kept) else kept
     return Sides(log_odds, stamp_ns, joints), float(logistic(log_odds))
 

@@ -20,8 +20,10 @@ from numpy.typing import NDArray
 from depth_pose.bank.bank import Bank
 from depth_pose.body.pose import FittedBody
 from depth_pose.body.rendered_depth import Comparison
+from depth_pose.core.measurement import JointMeasurement
+from depth_pose.core.skeleton import JOINT_NODES, Nodes
+from depth_pose.refine._aim_kernels import mean_deviation
 from depth_pose.refine.pose_prior import PosePrior, usual_joints
-from depth_pose.refine.proposals import from_proposals
 from depth_pose.track.person_view import PersonView
 
 
@@ -42,6 +44,9 @@ class Weights(NamedTuple):
 
 
 WEIGHTS = Weights()
+
+_FARTHEST = 5.0
+"""Maximum distance that counts between a joint and the measured one, standard deviations; 8 is the same."""
 
 
 class Score(NamedTuple):
@@ -96,7 +101,7 @@ class Objective:
 
     def score_seen(self, person: PersonView, body: FittedBody, seen: Comparison) -> Score:
         """Score a body that was compared with the depth image already."""
-        away = from_proposals(body.nodes, person.measured)
+        away = distance_from(person.measured, body.nodes)
         open_share = 1.0 if person.measured is None else min(1.0, away)
         odd = open_share * self._prior.excess(body.nodes, body.pose.scale)
         total = seen.score + self._weights.away * away + self._weights.odd * odd
@@ -108,3 +113,10 @@ class Objective:
         """Score a body seen by several cameras: the mean of its scores, weighted by ``shares`` (V,)."""
         scores = [self.score(person, body) for person, body in zip(persons, bodies, strict=True)]
         return Score._make(float(shares @ column) for column in zip(*scores, strict=True))
+
+
+def distance_from(measured: JointMeasurement | None, nodes: Nodes) -> float:
+    """Compute the mean distance of nodes (21, 3) from the measured joints, standard deviations; 0 without."""
+    if measured is None:
+        return 0.0
+    return mean_deviation(nodes[JOINT_NODES], measured.places, measured.sigma, _FARTHEST)

@@ -33,6 +33,9 @@ from depth_pose.track.person_view import FramePeople, PersonView
 from depth_pose.track.sample_people import SAMPLE_DISTANCE_M, sample_people
 from depth_pose.track.state import PersonState, PersonStates, Shape
 
+_UNMEASURED_ROUGHS = 2
+"""Number of exemplars that are fitted roughly if no joints were measured: only the fit tells their facing."""
+
 
 class Refiner:
     """The third stage of the pipeline, run by `refine_node`.
@@ -144,7 +147,8 @@ class Refiner:
         starts = from_previous(state) if self.config.track else []
         starts += from_exemplars(match, state, self.bank)
         is_settled = tried == schedule.tried and state.answer.lead == 0.0
-        fits = solve(starts, self._problem(person, shape), Effort(number, is_settled))
+        roughs = 1 if person.measured is not None else _UNMEASURED_ROUGHS
+        fits = solve(starts, self._problem(person, shape), Effort(number, is_settled, roughs))
         best, lead = choose(fits, state.answer.lead)
         followed = keep_differing(best, fits, self.config.beam)
         body = self._unseen_legs.settle(self._bodies.space.body(shape.build), best.body, person.camera)
