@@ -178,8 +178,8 @@ class FitConfig(Checked):
     """The articulated fit (`depth_pose.refine.articulated`).
 
     The stages share one annealing schedule, ``sigmas``, and take parts of it: a first look at many starts
-    (`glance`), a choice between a few (`rough`), the answer (`fine`), and a trial of a size or a
-    facing (`trial`).
+    (`glance`), a choice between a few (`rough`), the answer (`fine`), and a trial of a
+    size (`trial`).
     """
 
     sigmas: tuple[float, ...] = option(
