@@ -1,4 +1,4 @@
-"""Everybody in a depth image: found, named, cut out and denoised (Sec. 4), prepared for all later steps."""
+"""Detect, identify, cut out and denoise everybody in a depth image (Sec. 4), for all later steps."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Shared:
-    """What the stages of one process share: the body with its fits, the objective, and all people's states.
+    """Objects shared by the stages of a process: the body with its fits, objective, people's states.
 
     Parameters
     ----------

@@ -84,7 +84,7 @@ def carry_labels(before, depth, camera, limits, labels, is_new):
 
 @njit(cache=True)
 def to_other_label(labels):
-    """Compute the number of rings around each pixel to the first that has another label, (h, w) int32."""
+    """Compute each pixel's distance (rings) to the nearest one with a different label, (h, w) int32."""
     rows, cols = labels.shape
     rings = np.empty((rows, cols), np.int32)
     for i in range(rows):
@@ -112,7 +112,7 @@ def find_borders(above, own, below, rings):
 
 @njit(cache=True)
 def grow_rings(before, own, step):
-    """Take over one ring more than the neighbours in the row before, and than the one before in the row."""
+    """Propagate distances, plus one ring, from the previous row and from the previous pixel."""
     cols = own.shape[0]
     for j in range(1, cols - 1):
         own[j] = min(own[j], min(before[j - 1], min(before[j], before[j + 1])) + 1)

@@ -165,7 +165,7 @@ def take_pixels(features, chosen, out):
 
 @njit(cache=True)
 def measure_bend(grid, whose, label, step):
-    """Compute how far a person's depth is from straight, the median over columns of a crop, metres.
+    """Compute the bend of a person's depth, the median over columns of a crop (m).
 
     It is the second difference over three pixels that are ``step`` apart and show the person; `STRAIGHTEST`
     where there are none. Over one pixel it shows the noise of pixels, over several that of matched blocks.

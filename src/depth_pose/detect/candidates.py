@@ -97,7 +97,8 @@ class CandidateFinder:
     ) -> bool:
         """Whether another rotation confirms a doubtful or missed person, and keeps all who were confirmed.
 
-        After a quarter turn only people who lie ``across`` the image count: a post would lie, too.
+        After a quarter turn only people who lie ``across`` the original image count: upright posts lie across
+        the rotated one.
         """
         sure = [p for p in tried.people if p.probability >= self._config.sure]
 

@@ -1,4 +1,4 @@
-"""The surroundings of one detection, as a joint net looks at them.
+"""The crop around one detection, the input of a joint net.
 
 A crop around the torso has the same pixel size, in metres, for every sensor and distance.
 """

@@ -1,4 +1,4 @@
-"""What the joint net's mask of a person changes in the labels of an image."""
+"""Apply the joint net's mask of a person to the labels of an image."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Memory of confident detections: what was a person a moment ago and has not moved still is one.
+"""Memory of confident detections: a detected person who has not moved is still a person.
 
 The nets judge each image by itself. A person who lies still, in an unusual view, is found with certainty in
 some frames and doubted in others, though nothing has changed.

@@ -23,8 +23,8 @@ _FACING_DEG = 35.0
 """Maximum angle (degrees) between the viewing direction and the normal of a floor known only from people."""
 
 _NEAR_M, _TALL_M = 0.3, 0.9
-"""A person who stands on a plane begins this near to it, as the image may cut off the feet, and reaches at
-least this far (m). Set by hand."""
+"""Maximum height of a standing person's lowest point above the plane, as the image may cut off the feet, and
+minimum height of the highest point (m). Set by hand."""
 
 LEVEL_UP = np.array([0.0, -1.0, 0.0])
 """Up as a level sensor sees it, camera frame."""
@@ -187,7 +187,7 @@ class FloorFinder:
 def _fit(points: NDArray[np.float32], floor: Floor) -> Floor:
     """Refit the plane to all points (N, 3) close to it, with a shrinking tolerance.
 
-    The height is that of the sensor, often metres from the first visible floor. The few samples of
+    The sensor's height is extrapolated from floor points that may be metres away. The few samples of
     `PlaneFinder` may tilt the plane by half a degree, which is 4 cm of height there.
     """
     points = points[:: max(1, len(points) // _MOST_POINTS)]

@@ -65,7 +65,7 @@ class DeviationScale(NamedTuple):
 
 
 class JointCalibration(NamedTuple):
-    """What is fitted to a trained net's answers.
+    """Calibration fitted to a trained net's outputs.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ class JointCalibration(NamedTuple):
 
 
 def crop_measures(sample: CropSample, label: int) -> NDArray[np.float64]:
-    """Return what tells sensors and distances apart, (3,): logarithms of the distance and of bends, metres.
+    """Return features that distinguish sensors and distances, (3,): logarithms of distance and bends (m).
 
     Parameters
     ----------

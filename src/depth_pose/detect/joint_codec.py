@@ -1,9 +1,9 @@
-"""The joint net's language: landmarks of a person as a net's numbers, and back.
+"""Encode a person's landmarks as the joint net's outputs, and decode these.
 
-Training encodes what the net is to answer (``tools/people_finder``), the pipeline decodes its answers; both
-use this module. Landmarks are named by the side of the image, as if everybody faced the camera; whether the
-person is seen from behind is an answer of its own. Each has a distribution exp(-r / width) in the image
-plane, and exp(-|z| / width) in depth with a width of its own.
+Training encodes the targets (``tools/people_finder``), the pipeline decodes the outputs; both use this
+module. Landmarks are labelled by image side, as if everybody faced the camera; the back view is a separate
+output. Each has a distribution exp(-r / width) in the image plane, and exp(-|z| / width) in depth with a
+width of its own.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _HALF = np.float32(0.5)
 
 
 class JointCodes(NamedTuple):
-    """What the net answers for one crop.
+    """Outputs of the net for one crop.
 
     Attributes
     ----------

@@ -1,9 +1,9 @@
-"""The joints of one detection, whether it is a person, and which pixels are theirs.
+"""Measure the joints of one detection, its mask, and the probability that it is a person.
 
-The finder looks at whole images and places trunks well, limbs badly. A joint net looks at the crop around one
-torso. `JointNet` is what the pipeline asks of one; another net is another class.
+The finder processes whole images and locates trunks well, limbs badly. A joint net processes the crop around
+one torso. `JointNet` is its interface; another net is another class.
 
-Of the packaged net (`VotingNet`) each cell of the crop votes for every landmark and predicts a weight for its
+In the packaged net (`VotingNet`) each cell of the crop votes for every landmark and predicts a weight for its
 vote (Xiong et al. 2019, *A2J*); it also predicts the deviation of each in the image plane and in depth, and
 whether the person is seen from behind. Hidden joints are inferred from the others, with larger deviations.
 Last, it predicts the probability that this is a person and not an object, trained on the finder's detections.

@@ -37,7 +37,7 @@ _STEP_NS = 30_000_000
 
 
 class LearnedSegmenter:
-    """Finds people in the image, and looks at each with the joint net.
+    """Finds people in the image, and measures each with the joint net.
 
     Masks of confident detections are carried over to the next frame without a search (`MaskPropagation`).
 
@@ -74,7 +74,7 @@ class LearnedSegmenter:
         """Compile every kernel, and load the net."""
         working_grid.warm_up(self.config)
         frame = sample_frame()
-        for k in range(2):  # searched, and carried over
+        for k in range(2):  # the first frame is searched, the second carried over
             self.segment(replace(frame, stamp_ns=k * _STEP_NS))
         self.reset()
 

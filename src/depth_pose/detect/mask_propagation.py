@@ -81,9 +81,9 @@ class MaskPropagation:
     def give_back(self, found: Candidates, stamp_ns: int) -> tuple[Candidates, NDArray[np.bool_] | None]:
         """Return pixels to confirmed people of the previous frame who have lost them to no other person.
 
-        A bed under a leg, once detected, would otherwise take the leg; and a search now and then finds half
-        of somebody who lies. Pixels that stayed where they were go to the detection that shows most of
-        the person; the joint net may refuse them.
+        Otherwise a detected bed would take the leg above it, and some searches find only half of a lying
+        person. Pixels that stayed where they were go to the detection that shows most of the person; the
+        joint net may refuse them.
 
         Returns
         -------

@@ -21,7 +21,7 @@ _TOLERANCE = 0.012
 _MAX_PLANES = 10
 """Maximum number of planes in a room; set by hand."""
 _SEEDS = 64
-"""Number of points whose own plane is tried for each plane; set by hand."""
+"""Number of candidate planes, each through one point, for every plane; set by hand."""
 _SAMPLES = 2500
 """Approximate number of image points searched for planes; set by hand."""
 _SEARCH_EVERY = 15

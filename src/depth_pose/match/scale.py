@@ -1,10 +1,10 @@
 """Estimate the person's size over the first frames, then hold it.
 
 A free size in every fit shrinks the body from frame to frame. So sizes on a fixed grid are compared: the
-matched exemplar is fitted at each, and scored by rendered depth and by how rare people of that size are. The
-first frame descends on the grid. Every later frame compares only one pair of neighbouring sizes, alternately
-above and below the best so far, which bounds the time. Differences within a frame are more informative than
-scores of different frames; the size is where their means change sign.
+matched exemplar is fitted at each, and scored by rendered depth and by how rare people of that size are. In
+the first frame, the size is found by descent on the grid. Every later frame compares only one pair of
+neighbouring sizes, alternately above and below the best so far, which bounds the time. Differences within a
+frame are more informative than scores of different frames; the size is where their means change sign.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ SCALES = 0.6 * 1.04 ** np.arange(-3, 18)
 """Grid of sizes: statures from 0.93 m to 2.05 m for a body of 1.75 m."""
 
 _RARE = 1.0
-"""Score of tall people, times the squared log ratio to 1.75 m; it compensates loose clothes; chosen on
+"""Penalty of tall people, times the squared log ratio to 1.75 m, which compensates loose clothes; chosen on
 real people and simulated builds."""
 
 _RARITY = _RARE * np.maximum(np.log(SCALES), 0.0) ** 2
@@ -49,7 +49,7 @@ class Trial(Protocol):
 
 
 class SizeFinder:
-    """Estimates sizes; what is known of a person is a `SizeSearch`.
+    """Estimates sizes; `SizeSearch` is the state of one person's estimate.
 
     Parameters
     ----------

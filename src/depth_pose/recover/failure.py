@@ -36,7 +36,7 @@ KINDS: tuple[str, ...] = (
 """Kinds of failure, used as keys of the counters, in the order of the checks."""
 
 _IMPLAUSIBLE = {"no_pose": 1.0, "bone_length": 0.1, "joint_angle": 0.1}
-"""Kinds of fits that are wrong in themselves, and the score excess (`Failure.allowance`) of each."""
+"""Kinds of failures whose pose is wrong in itself, and the score excess (`Failure.allowance`) of each."""
 
 _JUMP_M = 0.1
 """Allowed change (m) of a joint from frame to frame, in addition to what its speed allows."""
@@ -87,7 +87,7 @@ class Failure:
 
 
 class Verdict(Enum):
-    """What becomes of a fit.
+    """Decision on a fit.
 
     It is a reference for later frames; doubtful but the answer; refused; or compared with the last body.
     """
@@ -99,7 +99,7 @@ class Verdict(Enum):
 
 
 def judge(failure: Failure | None, answer: Answer, *, is_over: bool, is_hopeless: bool) -> Verdict:
-    """Decide what becomes of a fit.
+    """Decide how a fit is used.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def judge(failure: Failure | None, answer: Answer, *, is_over: bool, is_hopeless
     is_over : bool
         Whether the last good fit is too old to be registered.
     is_hopeless : bool
-        Whether nothing is like a body there.
+        Whether the score shows that there is no body at all.
     """
     if failure is None:
         return Verdict.TRUSTED

@@ -22,12 +22,11 @@ from depth_pose.core.measurement import JointMeasurement
 
 _FIT_M, _FIT_RISE_M, _FIT_SCORE = 0.01, 0.3, 0.25
 """Standard deviation of a good fit (m), its rise with the score (m), and the score where the rise begins;
-chosen on three real and six simulated sets: later and steeper loses .02 to .04 of the real joints within a
-twentieth of the height."""
+chosen on three real and six simulated sets."""
 
 _EVEN_M = 0.07
-"""Standard deviation (m) of a joint whose confidence is one half; chosen on the same sets: .05 loses .015 of
-the real joints within a twentieth of the height, .10 adds 1 mm to the simulated ones."""
+"""Standard deviation (m) of a joint whose confidence is one half; chosen on the same sets from .05, .07 and
+.10."""
 
 _LEAST, _MOST = 0.02, 0.998
 """Confidences are clipped to this range."""

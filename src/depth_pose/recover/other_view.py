@@ -1,8 +1,8 @@
-"""A second answer, for frames in which a person's left and right cannot be told.
+"""A second answer, for frames in which a person's left and right are ambiguous.
 
 From the front and from behind people may look alike, as from straight above, or far away. The joint net
-states how surely it names the sides (`JointMeasurement.sides`). What was seen surely is remembered for a
-moment: a pose that is followed keeps its sides.
+states how surely it names the sides (`JointMeasurement.sides`). A confident decision is remembered for a
+moment, so that a tracked pose keeps its sides.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def renew_sides(
 ) -> tuple[Sides, float]:
     """Update the belief that left and right of a person's answers are not exchanged.
 
-    The stronger of what this frame says and what is remembered counts. Without measured joints nothing speaks
+    The stronger of this frame's and the remembered evidence is used. Without measured joints nothing speaks
     against an answer: then the probability is 1.
 
     Parameters
@@ -45,7 +45,7 @@ def renew_sides(
         return sides, 1.0
     kept = sides.logit * 0.5 ** (1e-9 * (stamp_ns - sides.stamp_ns) / _HALF_LIFE_S)
     if sides.joints is not None and _is_turned(joints, sides.joints):
-        kept = 0.0  # they turned round, or the answer changed its mind
+        kept = 0.0  # the person turned round, or the answer changed sides
     said = logit(measured.sides) * (-1.0 if measured.named_like(joints).is_exchanged else 1.0)
     log_odds = said if abs(said) >= abs(kept) else kept
     return Sides(log_odds, stamp_ns, joints), float(logistic(log_odds))

@@ -1,4 +1,4 @@
-"""Whether a person is published: the one place where a found person may be thrown away."""
+"""Decide whether a person is published: the only place where a detected person may be rejected."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _VETO, _VETO_SHARE = 0.1, 0.25
 set by hand."""
 
 _HOPELESS = 0.5
-"""Share of `min_confidence` below which a first fit is refused: it is furniture."""
+"""Share of `min_confidence` below which a first fit is refused, as probably furniture."""
 
 
 def is_published(probability: float, standing: float, *, is_refused: bool) -> bool:
@@ -31,7 +31,7 @@ def is_published(probability: float, standing: float, *, is_refused: bool) -> bo
 
 
 def is_doubtful(standing: float, *, is_refused: bool) -> bool:
-    """Decide whether no body fits what was found."""
+    """Decide whether no body fits the detection."""
     return is_refused or standing < _VETO
 
 

@@ -51,7 +51,7 @@ _SIDES_SURE = 0.9
 """Probability that sides are not exchanged, below which the other view is answered, too. Set by hand."""
 
 _CONTRADICTED = 0.08
-"""But not if the depth image disagrees by this much more with it. Set by hand."""
+"""Score excess above which the other view is not answered. Set by hand."""
 
 
 class CloudTracker(Protocol):
@@ -143,8 +143,8 @@ class Recoverer:
         -------
         tuple of Skeleton
             Source REFINED or RECOVERED, with filtered positions; lost people are omitted. Their
-            confidence is the probability that this is a person and that the pose is right. Where left and
-            right cannot be told, with an alternative that faces the other way.
+            confidence is the probability that this is a person and that the pose is right. If left and right
+            are ambiguous, the skeleton has an alternative that faces the other way.
         """
         self._states.begin(people)
         self.last_reasons = {}

@@ -1,4 +1,4 @@
-"""The choice of the answer among fits, and of the poses that are followed to the next frame."""
+"""Choose the answer among the fits, and the poses that continue in the next frame."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ _SAME_M = 0.05
 """Poses with a mean joint distance below this (m) are the same; set by hand."""
 
 _DIFFERS_M = 0.06
-"""A pose is followed beside the answer if some joint is this far (m) from that of each better pose."""
+"""Minimum distance (m) of some joint from every better pose, for a pose to be kept beside the answer."""
 
 _HOPELESS = 0.08
-"""Score above the answer's at which a pose is not followed; set by hand."""
+"""Score excess over the answer above which a pose is not kept; set by hand."""
 
 
 class Choice(NamedTuple):

@@ -1,4 +1,4 @@
-"""Hypotheses: poses from which a fit may start, with their source, and what becomes of them."""
+"""Hypotheses: poses from which a fit may start, with their source; and scored fits."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from depth_pose.core.skeleton import JOINT_NODES
 from depth_pose.refine.objective import Score
 
 Source = Literal["previous", "carried", "exemplar", "joints", "limb", "turned", "camera"]
-"""Where a pose comes from: the previous answer; another pose carried over from the previous frame, or the
+"""Sources of a pose: the previous answer; another pose carried over from the previous frame, or the
 last good body after a failure; an exemplar of the bank; limbs turned to measured joints; limbs of other
 exemplars; the answer, facing the other way; the answer of one camera of several."""
 

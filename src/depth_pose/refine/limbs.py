@@ -210,7 +210,7 @@ def _exchange(
 
 
 def may_be_legs(points: NDArray[np.float32], pose: BodyPose) -> NDArray[np.bool_]:
-    """Return which points may belong to legs: those behind the trunk at its height belong to a chair.
+    """Mask the points that may belong to legs, excluding a chair back behind the trunk.
 
     Parameters
     ----------

@@ -1,10 +1,10 @@
-r"""One score for every pose of a person: how far it is from what was seen, measured and usual.
+r"""One score for every pose of a person: disagreement with the depth, the measured joints and the prior.
 
 .. math:: s = d + w_a\, a + w_o\, \min(1, a)\, o
 
 with the disagreement :math:`d` of rendered and observed depth, 0 to 1 (`depth_pose.body.rendered_depth`), the
 mean distance :math:`a` of the joints from the measured ones in standard deviations, and the excess :math:`o`
-of the pose prior (`depth_pose.refine.pose_prior`). The prior is for what measurements leave open: near them,
+of the pose prior (`depth_pose.refine.pose_prior`). The prior covers what measurements leave open: near them,
 an unusual pose costs less; without a measurement it counts in full. The same score compares and chooses
 poses in every stage, and for several cameras; the matcher ranks exemplars by its first term.
 """

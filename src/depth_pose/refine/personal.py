@@ -84,7 +84,7 @@ _LACKING = {
 people."""
 
 BUILD_BIAS = np.array([0.0, *(_LACKING.get(part, 0.0) for part in BUILD_NAMES)])
-"""`_LACKING` as a vector (14,) of log size and build, added to what the frames measure."""
+"""`_LACKING` as a vector (14,) of log size and build, added to the measured values."""
 
 
 def _lies_below() -> NDArray[np.bool_]:
@@ -186,7 +186,7 @@ def _segment_motions(free: NDArray[np.int64], nodes: Array) -> Array:
 
 
 class PersonalBuilds:
-    """Size and proportions from the evidence on one person (`Shape`); what is the same for everybody is here.
+    """Estimates size and proportions from the evidence on one person (`Shape`).
 
     Parameters
     ----------
@@ -292,7 +292,7 @@ class PersonalBuilds:
     def _solve(self, shape: Shape) -> tuple[Array, Array]:
         """Solve for log size and build, (14,), and their total information, (14, 14).
 
-        The skin's evidence is excluded until it is used.
+        Evidence from the skin is excluded until enough frames support it.
         """
         assert shape.bones is not None and shape.depth is not None, "a size comes before any evidence"
         total, vector = self._prior.copy(), self._prior_vector.copy()

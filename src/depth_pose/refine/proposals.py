@@ -30,7 +30,7 @@ _FAR = 5.0
 def aim_at_proposals(body: Body, pose: BodyPose, measured: JointMeasurement | None) -> list[BodyPose]:
     """Turn a pose's legs, and arms that are far off, toward a person's proposed joints.
 
-    Arms that are near stay: where they are visible, the limb search finds them better than proposals do.
+    Nearby arms are unchanged, since the limb search locates visible arms better than proposals do.
 
     Parameters
     ----------

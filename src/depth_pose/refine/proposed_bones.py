@@ -60,7 +60,7 @@ FIRST_FRAMES = 3.0
 """Number of frames with the whole person clearly visible before proposals are used."""
 
 _SHORTEST_M = 0.05
-"""Bones are at least this long (m)."""
+"""Minimum length of a bone (m)."""
 
 LENGTHS = Bins(len(BONES), float(np.log(_SHORTEST_M)), 0.02, 160)
 """Histogram of the log lengths: 2 % steps from 5 cm to 1.2 m."""

@@ -32,7 +32,7 @@ _NEARLY = 0.04
 """The worse group is also fitted finely if its score is at most this much higher."""
 
 _SAME_M = 0.03
-"""But not if no joint is farther than this (m) from the better one's."""
+"""Minimum distance (m) of some joint from the better group's, for that second fine fit."""
 
 
 class Effort(NamedTuple):
@@ -80,7 +80,7 @@ class Problem:
         return self._scored(self.fit.rough(pose), source)
 
     def finish(self, rough: ScoredFit) -> ScoredFit:
-        """Fit finely; keep the rough fit where it agrees better, as where the fine one lost an arm."""
+        """Fit finely; keep the rough fit if it agrees better, for instance if the fine one lost an arm."""
         fine = self._scored(self.fit.finish(rough.body), rough.source)
         best = min(fine, rough, key=by_score)
         return ScoredFit(best.body, best.terms, best.source, is_finished=True)

@@ -1,7 +1,7 @@
 """Proposed joints of a standing person, used to learn builds besides the skin.
 
 When people kneel, squat, sit or lie, bones are proposed up to 30 % too short; when legs are hidden or cut
-off, standing cannot be verified. Neither case counts.
+off, standing cannot be verified. Both cases are excluded.
 """
 
 from __future__ import annotations

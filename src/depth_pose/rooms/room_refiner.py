@@ -28,12 +28,12 @@ from depth_pose.rooms.view import View
 from depth_pose.track.state import PersonState
 
 _EFFORT = Effort(roughs=2)
-"""Of the cameras' answers and of the best limbs of all, two are fitted roughly."""
+"""Number of starts that are fitted roughly, among the cameras' answers and the combined limbs."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """A camera's own answer for a person, beside what it was fitted to.
+    """A camera's own answer for a person, with the data that it was fitted to.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Answer:
 
 @dataclass
 class RoomMemory:
-    """What is remembered of one person of the room.
+    """State of one person of the room.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class RoomMemory:
     stamp_ns : int
         Of the last answer.
     turn : int
-        The number of answers: the cameras teach the build in turn.
+        Number of answers; the cameras take turns in learning the build.
     """
 
     state: PersonState = field(default_factory=PersonState)
@@ -147,7 +147,7 @@ class RoomRefiner:
         stamp_ns: int,
         named: tuple[str, str],
     ) -> Skeleton:
-        """Fuse the fitted joints with each camera's measured ones; each is as sure as in its best camera."""
+        """Fuse the fitted joints with each camera's measured ones; each has its best camera's confidence."""
         told = []
         for view in views:
             posed = view.body_in_camera(best.body)

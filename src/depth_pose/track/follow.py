@@ -54,5 +54,5 @@ class Follower:
             return float(np.linalg.norm([x, y, z]))
         if self.config.whom == "centre":
             return float(abs(np.arctan2(x, z)))
-        number = skeleton.body_id.rpartition("_")[2]  # other programs name people without one
+        number = skeleton.body_id.rpartition("_")[2]  # ids of other programs may have no number
         return float(number) if number.isdecimal() else float("inf")  # the first track

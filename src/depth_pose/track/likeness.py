@@ -142,7 +142,7 @@ class Size:
 
 @dataclass(frozen=True)
 class Traits:
-    """What identifies a person in one frame.
+    """Traits that identify a person in one frame.
 
     Attributes
     ----------

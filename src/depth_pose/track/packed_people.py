@@ -15,7 +15,7 @@ from depth_pose.track.person_view import FramePeople, see_people
 
 
 class PackedPeople(NamedTuple):
-    """`People` without what can be prepared again.
+    """`FramePeople` without data that can be recomputed.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class PackedPeople(NamedTuple):
 
 
 def pack_people(people: FramePeople) -> PackedPeople:
-    """Leave out what `unpack_people` prepares again."""
+    """Pack people, without data that `unpack_people` recomputes."""
     at = np.flatnonzero(np.isfinite(people.points[..., 2]))
     points = people.points.reshape(-1, 3)[at]
     labels = zlib.compress(people.labels.tobytes(), 1)
@@ -59,7 +59,7 @@ def _without_mask(found: TrackedPerson) -> TrackedPerson:
 
 
 def unpack_people(packed: PackedPeople) -> FramePeople:
-    """Prepare the people again; the same as before, bit for bit."""
+    """Rebuild the people, bit for bit as before."""
     camera = packed.camera
     labels = np.frombuffer(zlib.decompress(packed.labels), np.uint8).reshape(camera.height, camera.width)
     points = np.full((*labels.shape, 3), np.nan, np.float32)

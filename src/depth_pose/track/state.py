@@ -178,14 +178,14 @@ class Sides(NamedTuple):
 
 
 class Evidence(NamedTuple):
-    """What speaks for person and pose: ``standing`` is a running mean of probability times confidence."""
+    """Evidence for person and pose: ``standing`` is a running mean of probability times confidence."""
 
     standing: float = FIRST_STANDING
     sides: Sides = Sides()
 
 
 class Schedule(NamedTuple):
-    """What is due when.
+    """Schedule of searches.
 
     Attributes
     ----------
