@@ -1,10 +1,10 @@
 """Transfer of detections from the previous frame, without a new search.
 
-People and rooms move little in a thirtieth of a second. While both looks were confident of all people, every
+People and rooms move little in a thirtieth of a second. While both nets were confident of all people, every
 pixel of the next frame takes the person of the nearest previous point, and connected new pixels are added to
 the person. If more is new, someone may have come in, and the frame is searched. So is every second frame
-(`SegmentConfig.find_every`), and the first after a gap in the stream. Pixels that a search finds nobody in,
-though they showed a person before, are returned.
+(`SegmentConfig.find_every`), and the first after a gap in the stream. Pixels in which a search finds nobody,
+though they showed a person before, are returned to that person.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _SURE = 0.9
 """Least probability of all people; others are searched again; set by hand."""
 
 _WEAK = 0.5
-"""First look's probability below which a detection takes no pixels of confirmed people; set by hand."""
+"""Finder's probability below which a detection takes no pixels of confirmed people; set by hand."""
 
 _STILL_M = 0.05
 """Maximum change of a returned pixel's depth (m); chosen on development clips of .03, .05 and .1."""
@@ -45,7 +45,7 @@ _MOST_NEW = 0.02
 
 @dataclass(frozen=True)
 class _Before:
-    """The people of the previous frame, its stamp, and their pixels after both looks."""
+    """The people of the previous frame, its stamp, and their pixels after both nets."""
 
     candidates: Candidates
     stamp_ns: int
@@ -79,7 +79,7 @@ class MaskPropagation:
         return carried
 
     def give_back(self, found: Candidates, stamp_ns: int) -> tuple[Candidates, NDArray[np.bool_] | None]:
-        """Return pixels to confirmed people of the previous frame who have lost them to no other person.
+        """Return lost pixels to confirmed people of the previous frame, unless another person has them.
 
         Otherwise a detected bed would take the leg above it, and some searches find only half of a lying
         person. Pixels that stayed where they were go to the detection that shows most of the person; the
@@ -117,7 +117,7 @@ class MaskPropagation:
         stamp_ns: int,
         shown: NDArray[np.uint8],
     ) -> None:
-        """Keep the confirmed people, and their pixels after both looks; none if one is uncertain."""
+        """Keep the confirmed people, and their pixels after both nets; none if one is uncertain."""
         self._before = None
         if not detections or min(s.probability for s in detections) < _SURE:
             return

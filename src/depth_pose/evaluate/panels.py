@@ -20,7 +20,7 @@ from depth_pose.rooms.placed_camera import Answer, PlacedCamera, answers_in_fram
 from depth_pose.rooms.recorded import RecordedPeople, read_recorded
 
 NOBODY = np.zeros((0, len(JOINTS), 3))
-"""True joints of a frame without truth."""
+"""Empty joints, for a frame without truth."""
 
 
 @dataclass(frozen=True)

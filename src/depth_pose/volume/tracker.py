@@ -223,7 +223,7 @@ class LatentTracker:
         return Tracked(latent, step, tuple(views), square / (len(sights) * self._usual))
 
     def _search(self, sights: Sequence[Sight]) -> Tracked:
-        """Restart at the best place anywhere."""
+        """Restart at the best training point under any heading."""
         found, cost = self._anywhere(sights)
         self._start(found, cost)
         return found

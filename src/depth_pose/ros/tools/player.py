@@ -34,7 +34,7 @@ _SETTLE_S, _MOST_SETTLE_S = 0.2, 2.0
 """Seconds, least and most, between the last subscriber's discovery and the first message.
 
 A publisher finds a subscriber before the subscriber finds the publisher, and messages sent in between are
-lost. On a busy machine that takes longer: as long as the discovery took. Set by hand.
+lost. The wait is as long as the discovery took, since both take longer on a busy machine. Set by hand.
 """
 
 _LONGEST_LOOK_S = 0.1
