@@ -87,18 +87,26 @@ class PosePipeline:
 
     @_one_thread
     def answer(self, people: FramePeople) -> FrameResult:
-        """Estimate the poses of segmented people."""
-        # Sec. 5: canonical axes, PCA subspace, nearest exemplars (eq. 6)
-        matches = self.matcher.match(people)
-        # Sec. 6: fit the body to each person's points; with method cpd complete the mesh (eqs. 7, 8)
-        refined = self.refiner.refine(people, matches)
-        # Sec. 6: failure check, temporal registration, low-pass filter
-        upright = self.recoverer.recover(people, refined)
-        # Back into the frame of a sensor that is mounted rolled
-        skeletons = tuple(rotate_to_sensor(s, self._mount) for s in upright)
+        """Estimate the poses of segmented people; the state of each goes through all stages and back."""
+        self._states.begin(people)
+        self.recoverer.begin()
+        matches, refined, skeletons = [], [], []
+        for person in people.persons:
+            state = self._states[person.body_id]
+            # Sec. 5: canonical axes, PCA subspace, nearest exemplars (eq. 6)
+            state, match = self.matcher.estimate(state, person)
+            # Sec. 6: fit the body to the person's points; with method cpd complete the mesh (eqs. 7, 8)
+            state, fitted = self.refiner.estimate(state, person, match)
+            # Sec. 6: failure check, temporal registration, low-pass filter
+            state, skeleton = self.recoverer.estimate(state, person, fitted)
+            self._states[person.body_id] = state
+            matches.append(match)
+            refined.append(fitted)
+            if skeleton is not None:  # back into the frame of a sensor that is mounted rolled
+                skeletons.append(rotate_to_sensor(skeleton, self._mount))
         self.unanswered += bool(people.persons and not skeletons)
         followed = self.follower.choose(skeletons, people.stamp_ns, people.frame_id)
-        return FrameResult(people, matches, refined, skeletons, followed)
+        return FrameResult(people, tuple(matches), tuple(refined), tuple(skeletons), followed)
 
     def reset(self) -> None:
         """Forget all earlier frames; counters continue."""

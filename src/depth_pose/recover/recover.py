@@ -147,7 +147,7 @@ class Recoverer:
             are ambiguous, the skeleton has an alternative that faces the other way.
         """
         self._states.begin(people)
-        self.last_reasons = {}
+        self.begin()
         persons = {p.body_id: p for p in people.persons}
         skeletons = []
         for one in fitted:
@@ -156,6 +156,10 @@ class Recoverer:
                 self._states[one.body_id] = state
                 skeletons += [] if skeleton is None else [skeleton]
         return tuple(skeletons)
+
+    def begin(self) -> None:
+        """Begin a frame: forget the failures of the last one."""
+        self.last_reasons = {}
 
     def estimate(
         self, state: PersonState, person: PersonView, fitted: Fitted
