@@ -218,6 +218,14 @@ def test_the_truth_of_a_moving_camera_is_in_its_frame_at_that_moment(driven) -> 
     assert len(driven.materials) == driven.joints.shape[1]
 
 
+def test_the_same_home_is_seen_by_a_standing_camera(driven) -> None:
+    still = sample_clip(np.random.default_rng(1), 16, 15.0, 2, 96, model="d435", home=True)
+    assert not still.moves and still.materials == driven.materials
+    np.testing.assert_array_equal(still.joints[0], driven.joints[0])
+    T = still.T_camera_world[0] @ np.linalg.inv(driven.T_camera_world[9])
+    np.testing.assert_allclose(driven.joints[9] @ T[:3, :3].T + T[:3, 3], still.joints[9], atol=1e-5)
+
+
 def test_named_sensors_have_their_image_and_their_range(driven) -> None:
     model = SENSORS["d435"].with_width(96)
     assert driven.camera == model.camera

@@ -107,14 +107,16 @@ def sample_clip(
     home : bool
         Furnish the room as a home, with pets, and dress people in materials that may return no light.
     moves : bool
-        Move the camera: it drives, turns and nods.
+        Move the camera: it drives, turns and nods. Without, the same state gives the same home and people,
+        seen from where it would begin.
     """
     camera = sample_camera(rng, width) if home else None
     if model is not None:
         camera = SENSORS[model].with_width(width).camera
     view, room = sample_stage(rng, width, camera, UPRIGHT_MOUNTINGS if home else ("common",))
-    views = sample_views(rng, view, room, frames, fps) if moves else [view] * frames
-    eyes = np.array([v.position[[0, 2]] for v in views]) if moves else None
+    ways = sample_views(rng, view, room, frames, fps) if home or moves else []
+    eyes = np.array([v.position[[0, 2]] for v in ways]) if ways else None
+    views = ways if moves else [(ways or [view])[0]] * frames
     cast: list[tuple[Performer, Track]] = []
     for i in range(people):
         performer = Performer(rng, fps, anny)
@@ -122,7 +124,7 @@ def sample_clip(
         if track is not None:
             cast.append((performer, track))
     pets = [sample_pet_walk(rng, view, room, frames, fps) for _ in range(rng.integers(3))] if home else []
-    room.free = [*([free_points(views)] if moves else []), *(pet.points() for pet in pets)]
+    room.free = [*([free_points(ways)] if ways else []), *(pet.points() for pet in pets)]
     surfaces = furnish_around(rng, room, view, cast, home)
     if model is not None:
         seen_by = sample_named_sensor(rng, model)
@@ -130,7 +132,9 @@ def sample_clip(
         seen_by = sample_home_sensor(rng, sensor)
     else:
         seen_by = replace(sample_sensor(rng, sensor), far=rng.uniform(6.0, 10.0))
-    steady = None if moves else int(rng.integers(2**31))  # blotches stay on things, not on the image
+    steady: int | None = int(rng.integers(2**31))
+    if moves:
+        steady = None  # blotches do not stay in the image
     scenes = []
     worn: tuple[tuple[str, ...], ...] = ()
     for t in range(frames):
