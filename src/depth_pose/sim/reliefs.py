@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 CELL_M = 0.03
 """Width of a grid's cells, metres."""
 DEEPEST_M = 0.22
-"""A body farther below a surface than this is beside it, not in it, metres. Set by hand."""
+"""Maximum depth of a body in a surface, metres; a deeper one is beside it. Set by hand."""
 
 _FAR_M = 20.0
 """Distance of the drawing camera from the plane, metres: farther than any body reaches."""

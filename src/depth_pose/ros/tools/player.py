@@ -44,7 +44,7 @@ _ACKNOWLEDGED_S = 5.0
 """Time limit for reliable subscribers to acknowledge the last messages, seconds. Set by hand."""
 
 _MOST_GAP_S = 3600.0
-"""A longer gap between messages (s) is not a pause but a wrong clock, and is skipped. Set by hand."""
+"""Maximum gap between messages, seconds; a longer one (a wrong clock) is skipped. Set by hand."""
 
 _LAST_CLOCK_NS = (1 << 31) * 1_000_000_000 - 1
 """Maximum time of a ``/clock`` message, nanoseconds."""
