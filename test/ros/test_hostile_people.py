@@ -3,9 +3,18 @@
 import math
 from functools import partial
 
+import numpy as np
 import pytest
 import scene
-from depth_pose_msgs.msg import FittedArray, FoundPerson, People, PoseMatchArray, Skeleton, SkeletonArray
+from depth_pose_msgs.msg import (
+    FittedArray,
+    JointMeasurement,
+    People,
+    PoseMatchArray,
+    Skeleton,
+    SkeletonArray,
+    TrackedPerson,
+)
 from diagnostic_msgs.msg import DiagnosticArray
 from hri_msgs.msg import IdsList
 from peer import HEARING, RELIABLE, SENSOR
@@ -61,7 +70,7 @@ def twice(topic, name):
 
 
 def crowd(messages):
-    messages["people"].people = [FoundPerson(label=i % 256, body_id=f"body_{i}") for i in range(10_000)]
+    messages["people"].people = [TrackedPerson(label=i % 256, body_id=f"body_{i}") for i in range(10_000)]
 
 
 def crowd_of_skeletons(messages):
@@ -73,6 +82,13 @@ def set_first(topic, **values):
     def change(messages):
         for name, value in values.items():
             setattr(first(messages, topic), name, value)
+
+    return change
+
+
+def measured(**values):
+    def change(messages):
+        first(messages, "people").measured = [JointMeasurement(**values)]
 
     return change
 
@@ -107,9 +123,9 @@ PEOPLE = {
     "long": (named("people", "x" * 100_000), "have the id 'xxx"),
     "twice": (twice("people", "people"), "the people have 'body_1' twice"),
     "crowd": (crowd, "of 10000 people; at most 255"),
-    "nan": (set_first("people", proposals=[math.nan], proposal_confidence=[]), "numbers of proposed joints"),
-    "heels": (set_first("people", heels=[0.0] * 7), "has 7 numbers of heels"),
-    "sides": (set_first("people", sides=math.nan), "the sides of body_1 have the probability nan"),
+    "nan": (measured(places=np.full(57, math.nan, "f4")), "a measured joint of body_1 has the number nan"),
+    "heels": (measured(heels=[0.0] * 7), "has 7 numbers of heels"),
+    "sides": (measured(sides=math.nan), "the sides of body_1 is nan"),
     "grid": (odd_grid, "focal lengths nan"),
     "fields": (odd_fields, "intensity at 12"),
     "cut": (cut_points, "bytes of data, not"),

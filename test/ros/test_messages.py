@@ -51,7 +51,7 @@ def measurement(rng):
     places, sigma, confidence, heels = (
         rng.random(shape).astype(np.float32) for shape in ((19, 3), (19, 2), 19, (2, 5))
     )
-    return JointMeasurement(places, sigma, confidence, heels, sides=0.75)
+    return JointMeasurement(places, sigma, confidence, heels, sides=0.7, probability=0.6)
 
 
 @pytest.fixture
@@ -107,6 +107,7 @@ def test_people_round_trip_is_exact(people):
             for name in ("places", "sigma", "confidence", "heels"):
                 assert_same_bits(getattr(a.measured, name), getattr(b.measured, name))
             assert a.measured.sides == b.measured.sides
+            assert a.measured.probability == b.measured.probability
         assert_same_bits(a.points, b.points)
         assert_same_bits(a.full.labels, b.full.labels)
         assert_same_bits(a.coarse.depth, b.coarse.depth)
@@ -123,14 +124,14 @@ def test_people_round_trip_is_exact(people):
         lambda p, w: setattr(w, "width", 41),
         lambda p, w: setattr(w, "fx", 0.0),
         lambda p, w: setattr(w, "fy", float("nan")),
-        lambda p, w: setattr(w.people[0], "proposals", [1.0]),
+        lambda p, w: setattr(w.people[0].measured[0], "heels", [1.0]),
     ],
 )
 def test_foreign_people_are_refused(people, spoil):
     points, who = map(over_the_wire, people_to_msgs(people))
     points.fields = list(points.fields)
     spoil(points, who)
-    with pytest.raises(InputError, match=r"points|joints"):
+    with pytest.raises(InputError, match=r"points|heels"):
         msgs_to_people(points, who)
 
 

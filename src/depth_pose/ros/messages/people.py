@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from depth_pose_msgs.msg import FoundPerson as FoundPersonMsg
+from depth_pose_msgs.msg import JointMeasurement as JointMeasurementMsg
 from depth_pose_msgs.msg import People as PeopleMsg
+from depth_pose_msgs.msg import TrackedPerson as TrackedPersonMsg
 from sensor_msgs.msg import PointCloud2, PointField
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
 from depth_pose.core.measurement import JointMeasurement
-from depth_pose.core.skeleton import JOINTS
 from depth_pose.core.types import TrackedPerson
 from depth_pose.ros.messages.basics import make_header, stamp_to_ns
 from depth_pose.ros.messages.checks import FARTHEST_M, check_numbers, check_people
@@ -62,29 +60,29 @@ def people_to_msgs(people: FramePeople) -> tuple[PointCloud2, PeopleMsg]:
         header=header,
         **people.camera._asdict(),
         floor=people.floor.tolist(),
-        people=[_found_to_msg(person.found) for person in people.persons],
+        people=[_person_to_msg(person.found) for person in people.persons],
     )
 
 
-def _found_to_msg(found: TrackedPerson) -> FoundPersonMsg:
-    return FoundPersonMsg(
-        label=found.label,
-        body_id=found.body_id,
-        probability=float(found.probability),
-        **_measurement_to_fields(found.measured),
+def _person_to_msg(person: TrackedPerson) -> TrackedPersonMsg:
+    measured = person.measured
+    return TrackedPersonMsg(
+        label=person.label,
+        body_id=person.body_id,
+        probability=float(person.probability),
+        measured=[] if measured is None else [_measurement_to_msg(measured)],
     )
 
 
-def _measurement_to_fields(measured: JointMeasurement | None) -> dict[str, Any]:
-    if measured is None:
-        return {}
-    return {
-        "proposals": measured.places.ravel().tolist(),
-        "proposal_confidence": measured.confidence.tolist(),
-        "proposal_sigma": measured.sigma.ravel().tolist(),
-        "heels": measured.heels.ravel().tolist(),
-        "sides": float(measured.sides),
-    }
+def _measurement_to_msg(measured: JointMeasurement) -> JointMeasurementMsg:
+    return JointMeasurementMsg(
+        places=measured.places.ravel(),
+        sigma=measured.sigma.ravel(),
+        confidence=measured.confidence,
+        heels=measured.heels.ravel().tolist(),
+        sides=float(measured.sides),
+        probability=float(measured.probability),
+    )
 
 
 def msgs_to_people(points: PointCloud2, people: PeopleMsg) -> FramePeople:
@@ -133,7 +131,7 @@ def msgs_to_people(points: PointCloud2, people: PeopleMsg) -> FramePeople:
         Camera(people.width, people.height, people.fx, people.fy, people.cx, people.cy),
         xyz,
         labels,
-        [_msg_to_found(found) for found in people.people],
+        [_msg_to_person(found) for found in people.people],
         np.array(people.floor),
     )
 
@@ -144,29 +142,27 @@ def warm_up() -> None:
     msgs_to_people(*people_to_msgs(see_people(0, "", camera, nobody, np.zeros((3, 4), np.uint8), [])))
 
 
-def _msg_to_found(msg: FoundPersonMsg) -> TrackedPerson:
-    return TrackedPerson(msg.label, msg.body_id, msg.probability, _msg_to_measurement(msg))
+def _msg_to_person(msg: TrackedPersonMsg) -> TrackedPerson:
+    measured = _msg_to_measurement(msg.measured[0], msg.body_id) if msg.measured else None
+    return TrackedPerson(msg.label, msg.body_id, msg.probability, measured)
 
 
-def _msg_to_measurement(msg: FoundPersonMsg) -> JointMeasurement | None:
-    confidence = np.array(msg.proposal_confidence, np.float32)
-    places, sigma = np.array(msg.proposals, np.float32), np.array(msg.proposal_sigma, np.float32)
-    count = len(confidence)
-    if (len(places), len(sigma)) != (3 * count, 2 * count) or count not in (0, len(JOINTS)):
-        raise InputError(
-            f"{msg.body_id} has {len(places)} numbers of proposed joints, {len(sigma)} of deviations "
-            f"and {count} confidences; each of {len(JOINTS)} joints has 3, 2 and 1"
-        )
-    check_numbers(f"the proposed joints of {msg.body_id}", places)
+def _msg_to_measurement(msg: JointMeasurementMsg, body_id: str) -> JointMeasurement:
     heels = np.array(msg.heels, np.float32)
     if len(heels) not in (0, 10):
-        raise InputError(f"{msg.body_id} has {len(heels)} numbers of heels; two heels have 5 each")
-    check_numbers(f"the standard deviations of {msg.body_id}", sigma)
-    check_numbers(f"the heels of {msg.body_id}", heels)
-    if not 0.0 <= msg.sides <= 1.0:
-        raise InputError(f"the sides of {msg.body_id} have the probability {msg.sides}; it is 0 to 1")
-    if not count:
-        return None
+        raise InputError(f"{body_id} has {len(heels)} numbers of heels; two heels have 5 each")
+    check_numbers(f"a measured joint of {body_id}", msg.places)
+    check_numbers(f"a deviation of {body_id}", msg.sigma)
+    check_numbers(f"a confidence of {body_id}", msg.confidence)
+    check_numbers(f"a heel of {body_id}", heels)
+    for name in ("sides", "probability"):
+        if not 0.0 <= getattr(msg, name) <= 1.0:
+            raise InputError(f"the {name} of {body_id} is {getattr(msg, name)}; it is 0 to 1")
     return JointMeasurement(
-        places.reshape(-1, 3), sigma.reshape(-1, 2), confidence, heels.reshape(-1, 5), msg.sides
+        places=msg.places.reshape(-1, 3),
+        sigma=msg.sigma.reshape(-1, 2),
+        confidence=msg.confidence,
+        heels=heels.reshape(-1, 5),
+        sides=msg.sides,
+        probability=msg.probability,
     )
