@@ -69,7 +69,7 @@ def test_a_build_that_cannot_be_read_is_refused_by_the_running_node(make_node, t
     [
         ("denoise", "segment.naer", "the parameter segment.naer; is segment.near meant?"),
         ("denoise", "segment.zone", "segment.zone is named zone"),
-        ("recovery", "refine.method", "refine.method is a parameter of another node"),
+        ("recovery", "segment.near", "segment.near is a parameter of another node"),
         ("denoise", "x" * 20 + "\033[2J", "x\\x1b[2J; settings are named SECTION.NAME"),
     ],
 )
