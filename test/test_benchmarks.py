@@ -33,6 +33,7 @@ COMMANDS = [
     ("speed.py",),
     *(("accuracy.py", part) for part in ("table1", "ablation", "confidence", "builds", "deviations")),
     ("finder.py",),
+    ("homes.py",),
     ("faults.py",),
     ("drivers.py",),
     ("archives.py",),

@@ -1,12 +1,14 @@
 """Homes: what materials return, pets that are no people, cameras that move."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from depth_pose.core.camera import Camera
-from depth_pose.sim.clips import sample_clip
+from depth_pose.evaluate.truth import load_known_people
+from depth_pose.sim.clips import sample_clip, write_clip
 from depth_pose.sim.furniture.home import (
     make_clothes_horse,
     make_counter,
@@ -209,20 +211,30 @@ def driven():
 
 def test_the_truth_of_a_moving_camera_is_in_its_frame_at_that_moment(driven) -> None:
     """Taken back to the room, people on their feet are on the floor and move no faster than people do."""
-    assert driven.moves and driven.T_camera_world.shape == (16, 4, 4)
-    inverse = np.linalg.inv(driven.T_camera_world)
+    assert driven.moves and driven.T_camera_floor.shape == (16, 4, 4)
+    inverse = np.linalg.inv(driven.T_camera_floor)
     world = np.einsum("tij,tpkj->tpki", inverse[:, :3, :3], driven.joints) + inverse[:, None, None, :3, 3]
     assert np.all(world[..., 2].min(axis=2) > -0.05) and np.all(world[..., 2].min(axis=2) < 0.35)
     assert np.linalg.norm(np.diff(world[:, :, 0], axis=0), axis=-1).max() < 3.0 / 15.0
-    assert np.ptp(driven.T_camera_world[:, :3], axis=0).max() > 0.02
+    assert np.ptp(driven.T_camera_floor[:, :3], axis=0).max() > 0.02
     assert len(driven.materials) == driven.joints.shape[1]
+
+
+def test_the_truth_of_a_moving_camera_is_scored_as_a_camera_s(driven, tmp_path: Path) -> None:
+    write_clip(tmp_path / "home.mcap", driven)
+    known = load_known_people(tmp_path / "home.npz")
+    assert not known.is_room
+    np.testing.assert_array_equal(known.joints, driven.joints)
+    with np.load(tmp_path / "home.npz") as truth:
+        np.testing.assert_array_equal(truth["T_camera_floor"], driven.T_camera_floor)
+        assert truth["materials"].shape == (driven.joints.shape[1], len(WORN))
 
 
 def test_the_same_home_is_seen_by_a_standing_camera(driven) -> None:
     still = sample_clip(np.random.default_rng(1), 16, 15.0, 2, 96, model="d435", home=True)
     assert not still.moves and still.materials == driven.materials
     np.testing.assert_array_equal(still.joints[0], driven.joints[0])
-    T = still.T_camera_world[0] @ np.linalg.inv(driven.T_camera_world[9])
+    T = still.T_camera_floor[0] @ np.linalg.inv(driven.T_camera_floor[9])
     np.testing.assert_allclose(driven.joints[9] @ T[:3, :3].T + T[:3, 3], still.joints[9], atol=1e-5)
 
 

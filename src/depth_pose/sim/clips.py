@@ -6,7 +6,7 @@ come back, stand side by side, and one may sit down. Room, camera, sensor, build
 The truth beside a recording holds ``joints`` (T, P, 19, 3) float32, optical frame, metres; ``seen``
 (T, P, 19); ``visible`` (T, P), share of a person's silhouette that the image shows; ``stamps_ns`` (T,);
 ``names`` (19,); ``K`` (3, 3). Where the camera moves, joints are in its frame at that moment, and
-``T_camera_world`` (T, 4, 4) leads there from the room's frame (z up, the floor at z = 0). At home,
+``T_camera_floor`` (T, 4, 4) leads there from the floor's frame (z up, the floor at z = 0). At home,
 ``materials`` (P, 4) names what each person's hair, top, trousers and shoes are of.
 """
 
@@ -50,8 +50,8 @@ class RoomClip:
     visible : (T, P) float32
     stamps_ns : (T,) int64
     camera : Camera
-    T_camera_world : (T, 4, 4) float64
-        From the room's frame (z up, the floor at z = 0) to the optical frame.
+    T_camera_floor : (T, 4, 4) float64
+        From the floor's frame (z up, the floor at z = 0, below the room frame's origin) to the optical frame.
     moves : bool
         Whether the camera moves.
     materials : tuple of tuple of str
@@ -64,7 +64,7 @@ class RoomClip:
     visible: NDArray[np.float32]
     stamps_ns: NDArray[np.int64]
     camera: Camera
-    T_camera_world: NDArray[np.float64]
+    T_camera_floor: NDArray[np.float64]
     moves: bool = False
     materials: tuple[tuple[str, ...], ...] = ()
 
@@ -174,7 +174,7 @@ def write_clip(path: Path, clip: RoomClip) -> None:
             "visible": clip.visible,
         }
         if clip.moves:
-            truth["T_camera_world"] = clip.T_camera_world
+            truth["T_camera_floor"] = clip.T_camera_floor
         if clip.materials:
             truth["materials"] = np.array(clip.materials)
         np.savez_compressed(beside, **truth)  # type: ignore[arg-type]
