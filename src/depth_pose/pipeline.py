@@ -22,6 +22,7 @@ from depth_pose.core.config import PipelineConfig
 from depth_pose.core.kernels import is_compiled
 from depth_pose.core.mount import rotate_to_sensor, rotate_upright
 from depth_pose.core.types import DepthFrame, PoseMatch, Skeleton
+from depth_pose.detect.input_repair import InputRepair
 from depth_pose.perception import Perception
 from depth_pose.stages import Shared
 from depth_pose.track.follow import Follower
@@ -66,6 +67,7 @@ class PosePipeline:
     def __init__(self, bank: Bank, config: PipelineConfig = PipelineConfig()) -> None:  # noqa: B008
         self._mount = config.mount
         self.unanswered = 0
+        self._repair = InputRepair()
         self._orientation = UpsideDownWatch(config.segment)
         shared = Shared(bank, config)
         self._states = shared.states
@@ -80,7 +82,7 @@ class PosePipeline:
     def process_frame(self, frame: DepthFrame) -> FrameResult:
         """Estimate the poses in one frame; pass the frames of a sequence in their order."""
         # Sec. 4: find the people, cut them out, modified LOP (eqs. 1 to 5), outliers
-        shown = rotate_upright(frame, self._mount)
+        shown = rotate_upright(self._repair.apply(frame), self._mount)
         people = self.perception.perceive(shown)
         self._orientation.look(shown, people)
         return self.answer(people)
@@ -112,12 +114,13 @@ class PosePipeline:
         """Forget all earlier frames; counters continue."""
         for stage in self._stages:
             stage.reset()
+        self._repair.reset()
         self._orientation.reset()
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about the frames since the last reset, one line each."""
-        return (self._orientation.doubt,) if self._orientation.doubt else ()
+        return (*self._repair.warnings, *filter(None, [self._orientation.doubt]))
 
     def restart(self) -> None:
         """Forget all earlier frames and people's ids, as if new; counters continue.
@@ -139,6 +142,7 @@ class PosePipeline:
     def warm_up(self) -> None:
         """Compile (or load from the cache) every kernel, so that the first frame is not late."""
         with _compiling_beside():
+            self._repair.warm_up()
             for stage in self._stages[:-1]:
                 stage.warm_up()
 

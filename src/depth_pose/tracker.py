@@ -131,7 +131,7 @@ class Tracker:
         Warns
         -----
         RuntimeWarning
-            Where the images look upside down; once.
+            Once where the images look upside down, were resized with interpolation, or are a sparse grid.
         """
         if isinstance(depth, DepthFrame):
             if camera is not None or time is not None:

@@ -15,6 +15,7 @@ from peer import RELIABLE
 from PIL import Image as PngImage
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, PointField
 
+from depth_pose.core.camera import Camera
 from depth_pose.core.config import DenoiseConfig, SegmentConfig
 from depth_pose.core.types import PERSON
 from depth_pose.detect.sample_frame import sample_frame
@@ -358,6 +359,29 @@ def test_images_that_are_upside_down_are_said(start, peer):
     peer.ask(send, lambda: "upside down" in warning(told), what=lambda: process.output, every_s=0.2)
     process.wait_for("mount.roll: 180 is for a sensor that hangs so")
     assert process.output.count("upside down") == 1
+
+
+def test_a_sparse_grid_is_said_and_its_person_found(start, peer):
+    process = start("-m", "depth_pose.ros.nodes.denoise_node")
+    process.wait_for("is ready")
+    answers = peer.listen(PointCloud2, POINTS)
+    told = peer.listen(DiagnosticArray, "/diagnostics", RELIABLE)
+    images, infos = peer.publisher(Image, IMAGE), peer.publisher(CameraInfo, INFO)
+    frame = sample_frame()
+    c, depth = frame.camera, np.zeros((2 * frame.camera.height, 2 * frame.camera.width), np.float32)
+    depth[::2, ::2] = frame.depth
+    camera = Camera(2 * c.width, 2 * c.height, 2 * c.fx, 2 * c.fy, 2 * c.cx, 2 * c.cy)
+    frame = replace(frame, depth=depth, camera=camera)
+    stamps = itertools.count(1_100_000_000, 40_000_000)
+
+    def send():
+        infos.publish(info_msg(frame))
+        peer.spin(0.1)
+        images.publish(at(image_msg(frame), next(stamps)))
+
+    peer.ask(send, lambda: "sparse grid" in warning(told), what=lambda: process.output, every_s=0.2)
+    assert (labels_of(answers[-1]) == PERSON).any()
+    assert process.output.count("fill_upsampling_holes: true") == 1
 
 
 @pytest.mark.parametrize("unit", [None, 0.001])

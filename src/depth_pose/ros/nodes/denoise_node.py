@@ -16,6 +16,7 @@ from depth_pose.core.config import PipelineConfig
 from depth_pose.core.mount import rotate_upright
 from depth_pose.core.printable import printable
 from depth_pose.core.types import DepthFrame
+from depth_pose.detect.input_repair import InputRepair
 from depth_pose.io import clouds, compressed
 from depth_pose.io.calibration import is_rectified
 from depth_pose.io.camera_infos import CameraInfos
@@ -59,6 +60,7 @@ class DenoiseNode(StageNode):
     def __init__(self) -> None:
         self._infos = CameraInfos("")
         self._units = UnitWatch("the parameter depth_scale")
+        self._repair = InputRepair()
         self._said: set[str] = set()
         self._rectified = False
         self.held: deque[Image | CompressedImage] = deque()
@@ -70,11 +72,13 @@ class DenoiseNode(StageNode):
     def prepare(self) -> None:
         """Build the stage, and compile what writes its output."""
         people.warm_up()
+        self._repair.warm_up()
         super().prepare()
 
     def make_stage(self, config: PipelineConfig) -> Perception:
         """Build the first stage."""
         self._mounting = UpsideDownWatch(config.segment)
+        self._repair.reset()
         return Perception(config.segment, config.denoise, config.mount, config.match)
 
     def open_outputs(self) -> None:
@@ -113,7 +117,7 @@ class DenoiseNode(StageNode):
         if not self._in_flight.offer(message, time.monotonic()):
             raise Deferred
         frame = self._frame(message)
-        upright = rotate_upright(frame, self.config.mount)
+        upright = rotate_upright(self._repair.apply(frame), self.config.mount)
         self._room.take_level(frame, self.stage.floor_finder)
         found = self.stage.perceive(upright)
         points, names = people.people_to_msgs(found)
@@ -173,7 +177,8 @@ class DenoiseNode(StageNode):
         """Return warnings about the images as a whole, by kind."""
         unit = self._units.doubt if self._units.is_decided else ""
         mounting = self._room.doubt or self._mounting.doubt
-        return {kind: line for kind, line in (("unit", unit), ("mount", mounting)) if line}
+        kinds = (("unit", unit), ("mount", mounting), ("input", self._repair.doubt))
+        return {kind: line for kind, line in kinds if line}
 
     def judge(self) -> tuple[bytes, str]:
         """Return the level and the text of this second's diagnostics, with warnings about the images."""
