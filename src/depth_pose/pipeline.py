@@ -26,6 +26,7 @@ from depth_pose.detect.input_repair import InputRepair
 from depth_pose.perception import Perception
 from depth_pose.stages import Shared
 from depth_pose.track.follow import Follower
+from depth_pose.track.nobody import NobodyWatch
 from depth_pose.track.person_view import FramePeople
 from depth_pose.track.upside_down import UpsideDownWatch
 
@@ -69,6 +70,7 @@ class PosePipeline:
         self.unanswered = 0
         self._repair = InputRepair()
         self._orientation = UpsideDownWatch(config.segment)
+        self._nobody = NobodyWatch(config.segment)
         shared = Shared(bank, config)
         self._states = shared.states
         self.perception = Perception(config.segment, config.denoise, config.mount, config.match)
@@ -85,7 +87,14 @@ class PosePipeline:
         shown = rotate_upright(self._repair.apply(frame), self._mount)
         people = self.perception.perceive(shown)
         self._orientation.look(shown, people)
-        return self.answer(people)
+        result = self.answer(people)
+        self._nobody.look(
+            shown,
+            is_found=bool(people.persons),
+            is_answered=bool(result.skeletons),
+            rejected=self.perception.rejected_counts,
+        )
+        return result
 
     @_one_thread
     def answer(self, people: FramePeople) -> FrameResult:
@@ -116,11 +125,12 @@ class PosePipeline:
             stage.reset()
         self._repair.reset()
         self._orientation.reset()
+        self._nobody.reset()
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about the frames since the last reset, one line each."""
-        return (*self._repair.warnings, *filter(None, [self._orientation.doubt]))
+        return (*self._repair.warnings, *filter(None, [self._orientation.doubt, self._nobody.doubt]))
 
     def restart(self) -> None:
         """Forget all earlier frames and people's ids, as if new; counters continue.

@@ -28,7 +28,8 @@ _ROWS = 120
 """Minimum number of rows that are judged in an image that has so many. Set by hand."""
 
 _EVERY = 32
-"""Frames from one look at a stream to the next, once it is judged. Set by hand."""
+"""Frames from one look at a stream to the next, once it is judged; number of frames all of which are
+looked at before. Set by hand."""
 
 _FEWEST = 60
 """Number of borders of holes, or of squares with a set pixel, that are needed to judge. Set by hand."""
@@ -62,7 +63,7 @@ _SAME_GAP = 0.25
 class InputRepair:
     """Detects and repairs interpolated rims and sparse grids in the frames of one sensor.
 
-    Frames are judged until the sensor is known, and then every 32nd.
+    Frames are judged until the sensor is known, at most 32 of them, and then every 32nd.
 
     Attributes
     ----------
@@ -84,7 +85,7 @@ class InputRepair:
         """Judge anew, as images have another size."""
         self.has_rims, self.gap = False, 0.0
         self._borders = self._rims = 0.0
-        self._shape, self._wait = shape, 0
+        self._shape, self._wait, self._looks = shape, 0, 0
 
     def warm_up(self) -> None:
         """Compile every kernel."""
@@ -139,7 +140,9 @@ class InputRepair:
         self._borders, self._rims = 0.5 * self._borders + borders, 0.5 * self._rims + rims
         if self._borders >= _FEWEST:
             self.has_rims = self._rims > (_FEW_RIMS if self.has_rims else _RIMS) * self._borders
-        self._wait = _EVERY if is_known and (self.gap or self._borders >= _FEWEST) else 1
+        self._looks += 1
+        is_judged = is_known and (self.gap > 0.0 or self._borders >= _FEWEST)
+        self._wait = _EVERY if is_judged or self._looks >= _EVERY else 1
         if self.doubt:
             self._said.setdefault(self.gap > 0, self.doubt)
 

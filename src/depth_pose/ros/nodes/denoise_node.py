@@ -31,6 +31,7 @@ from depth_pose.ros.nodes.parameters import DENOISE
 from depth_pose.ros.nodes.room_outputs import RoomOutputs
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.transport.frames_in_flight import LONGEST_S, FramesInFlight
+from depth_pose.track.nobody import NobodyWatch
 from depth_pose.track.upside_down import UpsideDownWatch
 
 _INFOS = 16
@@ -78,6 +79,7 @@ class DenoiseNode(StageNode):
     def make_stage(self, config: PipelineConfig) -> Perception:
         """Build the first stage."""
         self._mounting = UpsideDownWatch(config.segment)
+        self._nobody = NobodyWatch(config.segment)
         self._repair.reset()
         return Perception(config.segment, config.denoise, config.mount, config.match)
 
@@ -126,6 +128,10 @@ class DenoiseNode(StageNode):
         self._in_flight.begin(found.stamp_ns, time.monotonic())
         self._room.publish(frame, found, self.stage.floor_finder)
         self._mounting.look(upright, found)
+        is_found = bool(found.persons)
+        self._nobody.look(
+            upright, is_found=is_found, is_answered=is_found, rejected=self.stage.rejected_counts
+        )
         self._say()
         self.statistics.values["people"] = len(names.people)
         self.statistics.values["people cut off or half hidden"] = sum(
@@ -178,6 +184,7 @@ class DenoiseNode(StageNode):
         unit = self._units.doubt if self._units.is_decided else ""
         mounting = self._room.doubt or self._mounting.doubt
         kinds = (("unit", unit), ("mount", mounting), ("input", self._repair.doubt))
+        kinds += () if unit else (("nobody", self._nobody.doubt),)
         return {kind: line for kind, line in kinds if line}
 
     def judge(self) -> tuple[bytes, str]:
