@@ -131,7 +131,8 @@ class Tracker:
         Warns
         -----
         RuntimeWarning
-            Once where the images look upside down, were resized with interpolation, or are a sparse grid.
+            Once where the images look upside down, were resized with interpolation, or are a sparse grid, and
+            where nobody is found for a while, with the most likely cause.
         """
         if isinstance(depth, DepthFrame):
             if camera is not None or time is not None:
