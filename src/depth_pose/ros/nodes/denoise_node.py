@@ -183,8 +183,8 @@ class DenoiseNode(StageNode):
         """Return warnings about the images as a whole, by kind."""
         unit = self._units.doubt if self._units.is_decided else ""
         mounting = self._room.doubt or self._mounting.doubt
-        kinds = (("unit", unit), ("mount", mounting), ("input", self._repair.doubt))
-        kinds += () if unit else (("nobody", self._nobody.doubt),)
+        nobody = "" if unit else self._nobody.doubt
+        kinds = (("unit", unit), ("mount", mounting), ("input", self._repair.doubt), ("nobody", nobody))
         return {kind: line for kind, line in kinds if line}
 
     def judge(self) -> tuple[bytes, str]:
