@@ -84,4 +84,4 @@ def test_a_mirror_shows_at_most_the_mirror_image(pipeline: PosePipeline) -> None
         assert len(skeletons) <= 1
         for skeleton in skeletons:
             assert np.isfinite(skeleton.positions).all()
-            assert abs(skeleton.positions[0, 2] - 3.2) < 0.2
+            assert 2.2 < skeleton.positions[0, 2] < 4.8, "behind the wall, as the image is"

@@ -189,7 +189,7 @@ def test_a_sensor_that_is_mended_is_left_alone(scene: DepthFrame) -> None:
     assert last is good and repair.doubt == ""
     assert len(repair.warnings) == 1, "the report still says what was repaired"
     repair.reset()
-    assert repair.warnings == ()
+    assert not repair.warnings
 
 
 def test_another_size_is_judged_at_once(scene: DepthFrame) -> None:
