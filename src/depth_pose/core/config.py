@@ -20,14 +20,14 @@ class MountConfig(Checked):
 
     roll: float = option(
         0.0,
-        "How far the sensor is turned about its optical axis, clockwise as it looks; 180: upside down",
+        "Rotation of the sensor about its optical axis, clockwise in viewing direction; 180: upside down",
         unit="deg",
         low=-360.0,
         high=360.0,
     )
     pitch: float = option(
         0.0,
-        "How far the sensor looks down, roughly: 0 level, 90 under a ceiling; it tells the floor from walls",
+        "Approximate downward pitch of the sensor: 0 level, 90 under a ceiling; separates floor from walls",
         unit="deg",
         low=-90.0,
         high=90.0,
@@ -64,7 +64,7 @@ class SegmentConfig(Checked):
     )
     mirror: bool = option(
         False,
-        "Look at each person's mirror image, too: 5 ms more, and proposed joints a twentieth nearer; "
+        "Also process each person's mirror image: 5 ms more, proposed joints 5 % nearer; "
         "set by run --passes 2; learned only",
     )
     working_height: int = option(
@@ -109,7 +109,7 @@ class DenoiseConfig(Checked):
     repulsion: float = option(0.35, "Repulsion weight mu of eq. 3", low=0.0, high=0.499)
     iterations: int = option(
         1,
-        "Number of steps in all; the first is eqs. 1 and 2, each further one eqs. 3 to 5, which 1 leaves out",
+        "Number of iterations; the first is eqs. 1 and 2, each further one eqs. 3 to 5",
         low=0,
         high=20,
     )
