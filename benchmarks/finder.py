@@ -40,6 +40,7 @@ from depth_pose.detect.finder import PeopleFinder, load_weights
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.detect.net import read_weights
 from depth_pose.detect.segmentation import Segmentation
+from depth_pose.detect.tuning import DetectTuning
 from depth_pose.sim.home_scenes import sample_home
 from depth_pose.sim.home_sensors import HOME_FAMILIES
 from depth_pose.sim.materials import WORN
@@ -361,7 +362,7 @@ def main() -> None:
     tally = measure(config, arguments.weights, shown, arguments.rooms, arguments.results)
     first, second = hashes(arguments.weights)
     print(f"Weights {first} and {second}, {tally.frames} rooms of seed {arguments.seed}\n")
-    thresholds = (config.keep, config.start, 0.8)
+    thresholds = (DetectTuning().keep, config.start, 0.8)
     print(by_thing(tally, thresholds), "\n")
     if tally.people:
         print(by_view(tally, config.start), "\n")

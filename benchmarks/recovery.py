@@ -36,10 +36,13 @@ from depth_pose.io.mcap_read import read_frames
 from depth_pose.motion.procedural.generator import make_poses
 from depth_pose.pipeline import FrameResult, PosePipeline
 from depth_pose.recover.failure import FailureCheck
+from depth_pose.recover.tuning import RecoverTuning
+from depth_pose.refine.tuning import RefineTuning
 from depth_pose.sim.config import Person
 from depth_pose.sim.failures import KINDS, fail
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.simulate import simulate
+from depth_pose.tuning import Tuning
 
 LOW = ("squats", "bends", "sit_down", "lunges", "balance")
 """Families of low postures, which standing ones do not cover."""
@@ -68,12 +71,9 @@ def run(
     bank: Bank, path: Path, method: str, track: bool, recover: bool
 ) -> tuple[list[FrameResult], list[str]]:
     """Return every stage's results, and recovery's reasons for each failure."""
-    config = PipelineConfig(
-        refine=RefineConfig(method=method, track=track),
-        recover=RecoverConfig(enabled=recover),
-        smooth=SmoothConfig(enabled=False),
-    )
-    pipeline, results, reasons = PosePipeline(bank, config), [], []
+    config = PipelineConfig(refine=RefineConfig(method=method), smooth=SmoothConfig(enabled=False))
+    tuning = Tuning(refine=RefineTuning(track=track), recover=RecoverTuning(enabled=recover))
+    pipeline, results, reasons = PosePipeline(bank, config, tuning), [], []
     for frame in read_frames(path):
         results.append(pipeline.process_frame(frame))
         reasons.append("; ".join(pipeline.recoverer.last_reasons.values()))
@@ -90,7 +90,7 @@ def error_mm(answer: Skeleton | Fitted, known: np.ndarray) -> float:
 
 def detection(bank: Bank, paths: list[Path]) -> None:
     """Count detected failures and false alarms, clip by clip, and print them."""
-    check, rng = FailureCheck(bank.body, RecoverConfig()), np.random.default_rng(0)
+    check, rng = FailureCheck(bank.body, RecoverConfig().min_confidence), np.random.default_rng(0)
     counts = {part: {k: [0, 0] for k in ("right", *KINDS)} for part in ("chosen on", "tested on")}
     for number, path in enumerate(paths):
         known, (results, _) = known_joints(path), run(bank, path, "articulated", True, False)

@@ -24,6 +24,7 @@ from command_line import make_parser
 from parts import cpd, peers, stages
 
 from depth_pose.bank import Bank, default_bank_path
+from depth_pose.match.tuning import MatchTuning
 
 ROOT = Path(__file__).resolve().parents[1]
 """The repository."""
@@ -132,7 +133,7 @@ def main() -> None:
         date=datetime.date.today(),
         machine=machine(),
         seconds=stages.SECONDS,
-        first=stages.MatchConfig().scale_frames,
+        first=MatchTuning().scale_frames,
         poses=bank.poses,
         views=bank.coefficients.shape[1],
         stages=stages.table(measured),

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from acted import frame_of, posed, the_bank
-from depth_pose.core.config import MatchConfig, PipelineConfig, SmoothConfig
+from depth_pose.core.config import PersonalConfig, PipelineConfig, SmoothConfig
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINTS, NODE_INDEX
 from depth_pose.pipeline import FrameResult, PosePipeline
 from depth_pose.track.person_view import FramePeople
 
-CONFIG = PipelineConfig(match=MatchConfig(scale=1.0), smooth=SmoothConfig(enabled=False))
+CONFIG = PipelineConfig(build=PersonalConfig(scale=1.0), smooth=SmoothConfig(enabled=False))
 
 NOISE_M = 0.05
 """Deviation of the depth: then the body agrees almost as well with its front where its back should be."""

@@ -8,15 +8,16 @@ from depth_pose.match.match import Matcher
 from depth_pose.recover.recover import Recoverer
 from depth_pose.refine.refine import Refiner
 from depth_pose.stages import Shared
+from depth_pose.tuning import Tuning
 
 
-def make_matcher(bank: Bank, **sections) -> Matcher:
-    return Shared(bank, PipelineConfig(**sections)).make_matcher()
+def make_matcher(bank: Bank, tuning: Tuning = Tuning(), **sections) -> Matcher:
+    return Shared(bank, PipelineConfig(**sections), tuning).make_matcher()
 
 
-def make_refiner(bank: Bank, **sections) -> Refiner:
-    return Shared(bank, PipelineConfig(**sections)).make_refiner()
+def make_refiner(bank: Bank, tuning: Tuning = Tuning(), **sections) -> Refiner:
+    return Shared(bank, PipelineConfig(**sections), tuning).make_refiner()
 
 
-def make_recoverer(bank: Bank, **sections) -> Recoverer:
-    return Shared(bank, PipelineConfig(**sections)).make_recoverer()
+def make_recoverer(bank: Bank, tuning: Tuning = Tuning(), **sections) -> Recoverer:
+    return Shared(bank, PipelineConfig(**sections), tuning).make_recoverer()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import runpy
 import shlex
 import subprocess
 import sys
@@ -83,6 +84,14 @@ def test_settings_that_are_named_exist() -> None:
     for page in PAGES:
         for section, name in re.findall(rf"`({sections})\.([a-z_]+)\b", page.read_text(encoding="utf-8")):
             assert name in known[section], (page.name, section, name)
+
+
+def test_the_table_of_settings_is_current() -> None:
+    """``python tools/settings_table.py`` writes it."""
+    page = (DOCS / "settings.md").read_text(encoding="utf-8")
+    tool = runpy.run_path(str(ROOT / "tools" / "settings_table.py"))
+    assert tool["with_table"](page) == page
+    assert tool["table"]() in page
 
 
 def test_benchmarks_that_are_named_exist() -> None:

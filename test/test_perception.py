@@ -10,6 +10,7 @@ import pytest
 import synthetic as syn
 from depth_pose.core.config import DenoiseConfig, SegmentConfig
 from depth_pose.core.types import HIDDEN, PERSON
+from depth_pose.denoise.tuning import DenoiseTuning
 from depth_pose.perception import Perception
 from depth_pose.track.person_view import MIN_POINTS
 
@@ -59,8 +60,9 @@ def test_who_it_is_and_the_working_grid_s_camera(perception, person):
 
 def test_dropped_points_are_unknown_not_free(perception, person):
     """An outlier that denoising drops is neither the person nor known to be empty."""
-    config = DenoiseConfig(outlier_distance=0.01)  # farther apart than neighbours can be
-    people = Perception(SegmentConfig(), config).perceive(syn.to_frame(np.minimum(person, syn.room())))
+    tuning = DenoiseTuning(outlier_distance=0.01)  # farther apart than neighbours can be
+    perception = Perception(SegmentConfig(), DenoiseConfig(), denoise_tuning=tuning)
+    people = perception.perceive(syn.to_frame(np.minimum(person, syn.room())))
     inner = np.isfinite(person)
     inner[110:] = False
     assert people.persons == ()

@@ -9,7 +9,7 @@ import pytest
 
 import synthetic as syn
 from depth_pose.core.camera import Camera
-from depth_pose.core.config import MAX_STAMP_GAP_NS, MatchConfig, PipelineConfig
+from depth_pose.core.config import MAX_STAMP_GAP_NS, MatchConfig, PersonalConfig, PipelineConfig
 from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.motion.procedural.generator import make_clip
 from depth_pose.pipeline import PosePipeline
@@ -139,10 +139,10 @@ def test_frames_without_anything_do_no_harm(bank):
 
 def test_settings_reach_their_steps(bank, clip):
     config = PipelineConfig.from_mapping(
-        {"segment": {"far": 2.0}, "match": {"scale": 0.8, "keep": 2}, "smooth": {"enabled": False}}
+        {"segment": {"far": 2.0}, "build": {"scale": 0.8}, "smooth": {"enabled": False}}
     )
     assert PosePipeline(bank, config).process_frame(clip[0][0]).skeleton.is_lost
-    near = PipelineConfig.from_mapping({"match": {"scale": 0.8, "keep": 2}})
+    near = PipelineConfig.from_mapping({"build": {"scale": 0.8}})
     (match,) = PosePipeline(bank, near).process_frame(clip[0][0]).matches
     assert match.scale == 0.8
     assert len(match.candidates) <= 2
@@ -172,7 +172,7 @@ def answer(pipeline, people):
 
 def test_two_people_each_as_if_alone(bank):
     """Everybody's pose is right, has their own id, and is what it would be without the other."""
-    config = PipelineConfig(match=MatchConfig(scale=1.0))
+    config = PipelineConfig(build=PersonalConfig(scale=1.0))
     together, alone = PosePipeline(bank, config), [PosePipeline(bank, config) for _ in range(2)]
     for k in range(5):
         bodies, depths = two_people(k)
@@ -193,7 +193,7 @@ def test_two_people_each_as_if_alone(bank):
 
 
 def test_the_order_of_people_does_not_matter(bank):
-    config = PipelineConfig(match=MatchConfig(scale=1.0))
+    config = PipelineConfig(build=PersonalConfig(scale=1.0))
     plain, turned = PosePipeline(bank, config), PosePipeline(bank, config)
     for k in range(3):
         people = syn.to_people(*two_people(k)[1], stamp_ns=syn.START_NS + k * syn.STEP_NS)
@@ -206,7 +206,7 @@ def test_the_order_of_people_does_not_matter(bank):
 
 def test_one_leaves_and_the_other_stays(bank):
     """Whoever is not seen has no answer, and is picked up again under the same id; nobody is mixed up."""
-    pipeline = PosePipeline(bank, PipelineConfig(match=MatchConfig(scale=1.0)))
+    pipeline = PosePipeline(bank, PipelineConfig(build=PersonalConfig(scale=1.0)))
     for k in range(8):
         bodies, depths = two_people(k)
         if 3 <= k < 6:

@@ -23,33 +23,34 @@ from depth_pose.bank import Bank, default_bank_path
 from depth_pose.bank.build import BuildConfig, build_bank
 from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.body.rendered_depth import DepthComparer
-from depth_pose.core.config import (
-    FitConfig,
-    MatchConfig,
-    PersonalConfig,
-    PipelineConfig,
-    RecoverConfig,
-    RefineConfig,
-    SegmentConfig,
-)
+from depth_pose.core.config import MatchConfig, PersonalConfig, PipelineConfig
+from depth_pose.detect.tuning import DetectTuning
 from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
+from depth_pose.match.tuning import MatchTuning
 from depth_pose.motion.procedural.generator import POSTURE_SHARES, make_poses
 from depth_pose.pipeline import PosePipeline
+from depth_pose.recover.tuning import RecoverTuning
 from depth_pose.refine.limbs import LimbSearch
+from depth_pose.refine.tuning import FitTuning, RefineTuning
+from depth_pose.tuning import Tuning
 from parts.confidence import simulated
 from parts.known_people import recordings
 
-CONFIGS = {
-    "all": PipelineConfig(),
-    "no personal build": PipelineConfig(build=PersonalConfig(personal=False)),
-    "no pull to the joint net's joints": PipelineConfig(fit=FitConfig(proposal_weight=0.0)),
-    "no learned joints: the paper's way": PipelineConfig(match=MatchConfig(method="exemplars")),
-    "no pose of the frame before": PipelineConfig(refine=RefineConfig(track=False)),
-    "no recovery": PipelineConfig(recover=RecoverConfig(enabled=False)),
-    "four times the shortlist": PipelineConfig(match=MatchConfig(shortlist=4 * MatchConfig().shortlist)),
-    "a search for exemplars in every frame": PipelineConfig(match=MatchConfig(search_every=1)),
-    "a search for people in every frame": PipelineConfig(segment=SegmentConfig(find_every=1)),
+VARIANTS: dict[str, tuple[PipelineConfig, Tuning]] = {
+    "all": (PipelineConfig(), Tuning()),
+    "no personal build": (PipelineConfig(build=PersonalConfig(personal=False)), Tuning()),
+    "no learned joints: the paper's way": (PipelineConfig(match=MatchConfig(method="exemplars")), Tuning()),
+} | {
+    name: (PipelineConfig(), tuning)
+    for name, tuning in {
+        "no pull to the joint net's joints": Tuning(fit=FitTuning(proposal_weight=0.0)),
+        "no pose of the frame before": Tuning(refine=RefineTuning(track=False)),
+        "no recovery": Tuning(recover=RecoverTuning(enabled=False)),
+        "four times the shortlist": Tuning(match=MatchTuning(shortlist=4 * MatchTuning().shortlist)),
+        "a search for exemplars in every frame": Tuning(match=MatchTuning(search_every=1)),
+        "a search for people in every frame": Tuning(detect=DetectTuning(find_every=1)),
+    }.items()
 }
 """The whole pipeline, and variants without one part."""
 NO_LIMB_SEARCH = "no limbs exchanged"
@@ -74,13 +75,12 @@ def without_postures(bank: Bank) -> Bank:
 def make_pipelines(banks: dict[str, Bank]) -> dict[str, PosePipeline]:
     """Build the pipelines of all variants: for the first bank all, for others the whole pipeline."""
     first = next(iter(banks.values()))
-    pipelines = {name: PosePipeline(first, config) for name, config in CONFIGS.items()}
-    config = CONFIGS["all"]
-    pipelines[NO_LIMB_SEARCH] = PosePipeline(first, config)
+    pipelines = {name: PosePipeline(first, *variant) for name, variant in VARIANTS.items()}
+    pipelines[NO_LIMB_SEARCH] = PosePipeline(first)
     pipelines[NO_LIMB_SEARCH].refiner.limbs = NoLimbs(first)
-    pipelines[NO_POSTURES] = PosePipeline(without_postures(first), config)
+    pipelines[NO_POSTURES] = PosePipeline(without_postures(first))
     for name, bank in list(banks.items())[1:]:
-        pipelines[f"bank {name}"] = PosePipeline(bank, config)
+        pipelines[f"bank {name}"] = PosePipeline(bank)
     return pipelines
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from command_line import make_parser
 
 from depth_pose.bank import Bank
-from depth_pose.core.config import MatchConfig
+from depth_pose.match.tuning import MatchTuning
 from parts.known_people import (
     RIGHT_M,
     Recording,
@@ -60,7 +60,7 @@ def report(label: str, found: dict[str, np.ndarray], recorded: list[Recording]) 
 def main() -> None:
     """Measure every bank on every recording."""
     parser = make_parser(__doc__)
-    parser.add_argument("--shortlist", type=int, nargs="+", default=[1, 10, MatchConfig().shortlist])
+    parser.add_argument("--shortlist", type=int, nargs="+", default=[1, 10, MatchTuning().shortlist])
     arguments, recorded = read_arguments(parser, step=3)
     print(
         f"{'bank, compared':28s} {'mean':>6s} {'median':>6s} {'flip %':>6s} {'right%':>6s} best-of-kept  ms"

@@ -20,9 +20,9 @@ import numpy as np
 from command_line import make_parser
 
 from depth_pose.bank import Bank
-from depth_pose.core.config import MatchConfig
 from depth_pose.core.odds import logistic
 from depth_pose.match.match import match_confidence
+from depth_pose.match.tuning import MatchTuning
 from depth_pose.motion.procedural.generator import CLIPS
 from depth_pose.sim.config import Room
 from depth_pose.sim.motion import load_motion
@@ -66,7 +66,7 @@ def measure(bank: Bank, recorded: list[Recording]) -> np.ndarray:
     """Score and correctness of the best match of every frame."""
     rows = []
     for recording in recorded:
-        matcher = make_matcher(bank, MatchConfig(search_every=1))
+        matcher = make_matcher(bank, MatchTuning(search_every=1))
         for people, known in zip(recording.people, recording.joints, strict=True):
             for match in matcher.match(people):
                 found = joints_of(bank, match)

@@ -15,8 +15,8 @@ import numpy as np
 from command_line import make_parser
 
 from depth_pose.bank import Bank
-from depth_pose.core.config import MatchConfig
 from depth_pose.match.search import SubspaceSearch
+from depth_pose.match.tuning import MatchTuning
 from parts.known_people import Recording, compare_frames, find_scale, read_arguments, subsample
 
 SHARES = (1, 4, 16, 64)
@@ -39,7 +39,7 @@ def search_time(bank: Bank, repeats: int = 30) -> float:
     for k in range(repeats):
         point = table[k * len(table) // repeats] + np.float32(0.1)
         start = time.thread_time()
-        search.find(point, MatchConfig().shortlist)
+        search.find(point, MatchTuning().shortlist)
         times.append(time.thread_time() - start)
     return 1e3 * float(np.median(times))
 

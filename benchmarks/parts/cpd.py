@@ -21,13 +21,13 @@ from scipy.spatial import cKDTree
 from depth_pose.body.procedural import make_body
 from depth_pose.body.rendered_depth import render_depth
 from depth_pose.core.camera import Camera
-from depth_pose.core.config import CpdConfig
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as FACING
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import NODE_INDEX
 from depth_pose.paper.coherence import geodesic_basis
 from depth_pose.paper.cpd import euclidean_basis, register
 from depth_pose.paper.laplacian import LaplacianCompleter
+from depth_pose.paper.tuning import CpdTuning
 from depth_pose.refine._visibility_kernels import mark_visible
 
 SOURCE, TARGET = 632, 578
@@ -82,7 +82,7 @@ def median_time(run: Callable[[], object], repeats: int) -> float:
     return 1e3 * float(np.median(times))
 
 
-def pycpd_run(source, target, config: CpdConfig) -> Callable[[], np.ndarray]:
+def pycpd_run(source, target, config: CpdTuning) -> Callable[[], np.ndarray]:
     """Register with pycpd."""
     from pycpd import DeformableRegistration
 
@@ -97,12 +97,12 @@ def pycpd_run(source, target, config: CpdConfig) -> Callable[[], np.ndarray]:
 
 
 def _ways(body, chosen, source, target) -> Iterator[tuple[str, Callable[[], np.ndarray]]]:
-    same = CpdConfig(beta=0.5, stiffness=3.0, max_iterations=27, sigma_floor=1e-3, tolerance=0.0)
+    same = CpdTuning(beta=0.5, stiffness=3.0, max_iterations=27, sigma_floor=1e-3, tolerance=0.0)
     yield f"pycpd {version('pycpd')}", pycpd_run(source, target, same)
     full = euclidean_basis(source, SOURCE, same.beta, 1e-8)
     yield "ours, full-rank basis", lambda: register(source, target, same, full).moved
     yield "ours, basis of 60 points made anew", lambda: register(source, target, same).moved
-    used = CpdConfig()
+    used = CpdTuning()
     surface = geodesic_basis(body.vertices, body.faces, used.basis_points, used.beta)[chosen]
     soft = replace(used, stiffness=same.stiffness)
     yield (

@@ -39,6 +39,7 @@ from depth_pose.volume.learn.training import dance_clips, default_wearers, simul
 from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.pipeline import VolumePipeline
 from depth_pose.volume.synchroniser import ViewSet
+from depth_pose.volume.tuning import LearnTuning
 
 TEST_SEEDS = (11, 12, 13)
 """Performances of the three test dancers; training uses 1 to 10, settings were chosen on 101, 102."""
@@ -118,7 +119,7 @@ def accuracy(out: Path, models: Path, dances: list[str]) -> None:
             track_performance(model, p, VolumeConfig(track=TrackConfig(stature=p.stature))) for p in tests
         ]
         rows.append(summary("height given", given))
-        pv = learn_model(views, LearnConfig(pose_variance=0.95))
+        pv = learn_model(views, tuning=LearnTuning(pose_variance=0.95))
         rows.append(summary("95 % of the poses' variance", [track_performance(pv, p) for p in tests]))
         bare = watch_all(dance, eyes, dressed=False)
         rows.append(summary("no skirt in the test", [track_performance(model, p) for p in bare]))

@@ -11,17 +11,20 @@ from pathlib import Path
 import numpy as np
 
 from depth_pose.bank import Bank
-from depth_pose.core.config import MatchConfig, PipelineConfig, RefineConfig
+from depth_pose.core.config import PersonalConfig, PipelineConfig
 from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import JOINT_NODES, JOINTS
 from depth_pose.core.types import PoseMatch
 from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.match.match import Matcher
+from depth_pose.match.tuning import MatchTuning
 from depth_pose.perception import Perception
 from depth_pose.refine.refine import Refiner
+from depth_pose.refine.tuning import RefineTuning
 from depth_pose.stages import Shared
 from depth_pose.track.person_view import FramePeople
+from depth_pose.tuning import Tuning
 
 RIGHT_M = 0.1
 """A match whose joints are off by less than this on average counts as right, metres."""
@@ -38,9 +41,10 @@ class Recording:
     joints: np.ndarray
 
 
-def make_matcher(bank: Bank, config: MatchConfig) -> Matcher:
+def make_matcher(bank: Bank, tuning: MatchTuning, scale: float = 0.0) -> Matcher:
     """Build the pipeline's matcher by itself."""
-    return Shared(bank, PipelineConfig(match=config)).make_matcher()
+    config = PipelineConfig(build=PersonalConfig(scale=scale))
+    return Shared(bank, config, Tuning(match=tuning)).make_matcher()
 
 
 def load_recording(path: Path, step: int = 1) -> Recording:
@@ -90,10 +94,10 @@ def read_arguments(parser: argparse.ArgumentParser, step: int) -> tuple[argparse
 
 
 def match_frames(
-    bank: Bank, recording: Recording, scale: float, shortlist: int = MatchConfig().shortlist
+    bank: Bank, recording: Recording, scale: float, shortlist: int = MatchTuning().shortlist
 ) -> Iterator[tuple[FramePeople, np.ndarray, PoseMatch, float]]:
     """Match each frame by itself; yield those with a match: person, known joints, match, seconds of CPU."""
-    matcher = make_matcher(bank, MatchConfig(scale=scale, shortlist=shortlist, search_every=1))
+    matcher = make_matcher(bank, MatchTuning(shortlist=shortlist, search_every=1), scale)
     for people, known in zip(recording.people, recording.joints, strict=True):
         start = time.thread_time()
         matches = matcher.match(people)
@@ -104,7 +108,7 @@ def match_frames(
 
 def compare_frames(bank: Bank, recording: Recording, scale: float) -> np.ndarray:
     """Match and refine each frame by itself; `compare`'s numbers and seconds of matching, (F, 5)."""
-    refiner = Shared(bank, PipelineConfig(refine=RefineConfig(track=False))).make_refiner()
+    refiner = Shared(bank, tuning=Tuning(refine=RefineTuning(track=False))).make_refiner()
     rows = [
         (*compare(bank, refiner, people, known, match), taken)
         for people, known, match, taken in match_frames(bank, recording, scale)
@@ -124,9 +128,9 @@ def compare(
 
 def find_scale(bank: Bank, people: list[FramePeople]) -> float:
     """Body scale that the matcher finds over its first frames."""
-    matcher = make_matcher(bank, MatchConfig(search_every=1))
+    matcher = make_matcher(bank, MatchTuning(search_every=1))
     scale = 1.0
-    for frame in people[: MatchConfig().scale_frames]:
+    for frame in people[: MatchTuning().scale_frames]:
         for match in matcher.match(frame):
             scale = match.scale
     return scale

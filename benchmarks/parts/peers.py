@@ -29,13 +29,14 @@ from depth_pose.bank.views import AXES
 from depth_pose.body.body import Body
 from depth_pose.body.build import BUILD_NAMES
 from depth_pose.core.camera import Camera
-from depth_pose.core.config import DenoiseConfig, FittingConfig, MatchConfig, SegmentConfig
+from depth_pose.core.config import DenoiseConfig, SegmentConfig
 from depth_pose.core.open3d import load_open3d
 from depth_pose.core.skeleton import JOINT_NODES
 from depth_pose.core.types import DepthFrame
 from depth_pose.denoise.denoise import denoise_depth
 from depth_pose.detect.plane_segmenter import PlaneSegmenter
 from depth_pose.match.search import SubspaceSearch
+from depth_pose.match.tuning import MatchTuning
 from depth_pose.perception import Perception
 from depth_pose.refine.body_fitter import BodyFitter
 from depth_pose.sim.config import Person, Placement, Room
@@ -192,9 +193,9 @@ def compare_fits(bank: Bank, made: list[Scene]) -> list[Peer]:
     body, normals = bank.body, bank.body.normals
     perception, matcher = (
         Perception(SegmentConfig(), DenoiseConfig()),
-        make_matcher(bank, MatchConfig(search_every=1)),
+        make_matcher(bank, MatchTuning(search_every=1)),
     )
-    fitter, watches = BodyFitter(body, FittingConfig()), [_Stopwatch(), _Stopwatch()]
+    fitter, watches = BodyFitter(body), [_Stopwatch(), _Stopwatch()]
     usual = np.zeros(len(BUILD_NAMES), np.float32)
     errors: list[list[float]] = [[], [], []]
     estimate = o3d.pipelines.registration.TransformationEstimationPointToPlane()

@@ -20,10 +20,11 @@ import numpy as np
 
 from depth_pose import perception
 from depth_pose.bank import Bank
-from depth_pose.core.config import MatchConfig, PipelineConfig, RefineConfig
+from depth_pose.core.config import PipelineConfig, RefineConfig
 from depth_pose.core.types import DepthFrame
 from depth_pose.denoise.denoise import denoise_points
 from depth_pose.io.mcap_read import DepthReader
+from depth_pose.match.tuning import MatchTuning
 from depth_pose.pipeline import PosePipeline
 from depth_pose.sim.clips import sample_clip, write_clip
 from depth_pose.sim.config import Person
@@ -70,7 +71,7 @@ class StageTimes:
     @property
     def first(self) -> int:
         """Number of frames that find sizes; 0 where there are no others."""
-        frames = MatchConfig().scale_frames
+        frames = MatchTuning().scale_frames
         return frames if len(self.times) > frames else 0
 
 
@@ -183,7 +184,7 @@ def table(measured: list[StageTimes]) -> str:
     ]
     for m in measured:
         total, people = m.known.sum(axis=1), m.people[m.first :]
-        first = np.median(m.times[: MatchConfig().scale_frames].sum(axis=1))
+        first = np.median(m.times[: MatchTuning().scale_frames].sum(axis=1))
         share = np.median(total[people > 0] / people[people > 0]) if people.any() else np.nan
         cells = [m.images, f"{people.mean():.1f}", m.method]
         cells += [_cell(m.known[:, k]) for k in range(len(STAGES))]

@@ -25,12 +25,15 @@ import numpy as np
 from command_line import make_parser
 
 from depth_pose.bank import Bank, default_bank_path
-from depth_pose.core.config import DenoiseConfig, MatchConfig, PipelineConfig, RefineConfig
+from depth_pose.core.config import DenoiseConfig, PipelineConfig, RefineConfig
 from depth_pose.core.skeleton import JOINTS
+from depth_pose.denoise.tuning import DenoiseTuning
 from depth_pose.evaluate.score import THRESHOLDS_M
 from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
+from depth_pose.match.tuning import MatchTuning
 from depth_pose.pipeline import PosePipeline
+from depth_pose.tuning import Tuning
 from parts.known_people import joints_of, make_matcher, recordings
 
 PAPER = (0.36, 0.57, 0.79, 0.89, 0.95, 0.98, 0.99)
@@ -38,7 +41,7 @@ SHOTTON = (0.02, 0.06, 0.30, 0.53, 0.73, 0.82, 0.85)
 """Table 1: the paper's method (the first), and that of its reference 21, on another data set."""
 
 METHODS = ("articulated", "cpd")
-RAW = DenoiseConfig(iterations=0, outlier_distance=1.0)
+RAW = DenoiseConfig(iterations=0), Tuning(denoise=DenoiseTuning(outlier_distance=1.0))
 """Denoising that changes nothing."""
 
 
@@ -69,9 +72,9 @@ def run(bank: Bank, paths: list[Path], method: str, step: int) -> dict[str, Vari
     refine = RefineConfig(method=method)
     pipelines = {
         f"{method}, all": PosePipeline(bank, PipelineConfig(refine=refine)),
-        f"{method}, no denoising": PosePipeline(bank, PipelineConfig(refine=refine, denoise=RAW)),
+        f"{method}, no denoising": PosePipeline(bank, PipelineConfig(refine=refine, denoise=RAW[0]), RAW[1]),
     }
-    nearest = make_matcher(bank, MatchConfig(shortlist=1, keep=1, search_every=1))
+    nearest = make_matcher(bank, MatchTuning(shortlist=1, keep=1, search_every=1))
     found: dict[str, Variant] = {name: [] for name in (*pipelines, "no refinement", "nearest, unrefined")}
     for path in paths:
         truth = load_truth(path.with_suffix(".npz"))

@@ -9,17 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
-from depth_pose.core.config import DenoiseConfig, MatchConfig, MountConfig, SegmentConfig
+from depth_pose.core.config import DenoiseConfig, MountConfig, SegmentConfig
 from depth_pose.core.mount import rotation_sensor_upright, up_direction
 from depth_pose.core.stamps import StampGuard
 from depth_pose.core.types import HIDDEN, DepthFrame, TrackedPerson
 from depth_pose.core.zone import parse_zone
 from depth_pose.denoise.denoise import denoise_points
+from depth_pose.denoise.tuning import DenoiseTuning
 from depth_pose.detect.floor import FloorFinder
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.detect.plane_segmenter import PlaneSegmenter
 from depth_pose.detect.sample_frame import sample_frame
 from depth_pose.detect.segmentation import Segmentation, Segmenter
+from depth_pose.detect.tuning import DetectTuning
 from depth_pose.track.choice import PeopleChoice
 from depth_pose.track.person_view import MIN_POINTS, NO_FLOOR, FramePeople, see_people
 from depth_pose.track.tracks import PeopleTracks
@@ -27,7 +29,7 @@ from depth_pose.track.tracks import PeopleTracks
 _FLOOR_EVERY_NS = 1_000_000_000
 """Time from one search for the floor to the next (ns); set by hand."""
 
-_METHODS: dict[str, Callable[[SegmentConfig], Segmenter]] = {
+_METHODS: dict[str, Callable[..., Segmenter]] = {
     "learned": LearnedSegmenter,
     "planes": PlaneSegmenter,
 }
@@ -42,8 +44,10 @@ class Perception:
         Settings.
     mount : MountConfig
         Orientation of the frames, which are upright here, in the sensor; the zone is in the sensor's frame.
-    match : MatchConfig
-        With method ``exemplars`` measured joints are withheld from all later stages.
+    with_joints : bool
+        Whether later stages receive the measured joints (`match.method` ``joints``).
+    detect_tuning, denoise_tuning
+        Constants.
 
     Attributes
     ----------
@@ -61,13 +65,15 @@ class Perception:
         self,
         segment: SegmentConfig,
         denoise: DenoiseConfig,
-        mount: MountConfig = MountConfig(),  # noqa: B008
-        match: MatchConfig = MatchConfig(),  # noqa: B008
+        mount: MountConfig = MountConfig(),
+        with_joints: bool = True,
+        detect_tuning: DetectTuning = DetectTuning(),
+        denoise_tuning: DenoiseTuning = DenoiseTuning(),
     ) -> None:
-        self._with_joints = match.method == "joints"
-        self.segmenter: Segmenter = _METHODS[segment.method](segment)
-        self._denoise = denoise
-        self._tracks = PeopleTracks(segment.start, segment.sure, segment.keep)
+        self._with_joints = with_joints
+        self.segmenter: Segmenter = _METHODS[segment.method](segment, tuning=detect_tuning)
+        self._denoise = denoise, denoise_tuning
+        self._tracks = PeopleTracks(segment.start, segment.sure, detect_tuning.keep)
         self.choice = PeopleChoice(
             parse_zone(segment.zone), segment.most_people, rotation_sensor_upright(mount.roll)
         )
@@ -96,7 +102,7 @@ class Perception:
         self.floor_finder.find(sample_frame())
         self.floor_finder.reset()
         camera = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
-        points = denoise_points(np.full((48, 64), 2.0, np.float32), camera, self._denoise)
+        points = denoise_points(np.full((48, 64), 2.0, np.float32), camera, *self._denoise)
         found = TrackedPerson(1, "", 1.0)
         see_people(0, "", camera, points, np.ones((48, 64), np.uint8), [found])
 
@@ -105,7 +111,7 @@ class Perception:
         if self._guard.is_break(frame.stamp_ns):
             self.reset()
         seen = self.segmenter.segment(frame)
-        points = denoise_points(seen.depth, seen.camera, self._denoise)
+        points = denoise_points(seen.depth, seen.camera, *self._denoise)
         labels = np.where((seen.depth > 0) & np.isnan(points[..., 2]), np.uint8(HIDDEN), seen.labels)
         people = self._name(seen, labels, frame.stamp_ns)
         floor = self._find_floor(frame, [points[labels == person.label] for person in people])

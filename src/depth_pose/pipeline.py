@@ -29,6 +29,7 @@ from depth_pose.track.follow import Follower
 from depth_pose.track.nobody import NobodyWatch
 from depth_pose.track.person_view import FramePeople
 from depth_pose.track.upside_down import UpsideDownWatch
+from depth_pose.tuning import Tuning
 
 _one_thread = ThreadpoolController().wrap(limits=1)
 """Threads for linear algebra: small systems gain nothing from more, and one keeps the order of sums."""
@@ -52,6 +53,7 @@ class PosePipeline:
     ----------
     bank : Bank
     config : PipelineConfig
+    tuning : Tuning
 
     Attributes
     ----------
@@ -65,15 +67,24 @@ class PosePipeline:
     """
 
     @_one_thread
-    def __init__(self, bank: Bank, config: PipelineConfig = PipelineConfig()) -> None:  # noqa: B008
+    def __init__(
+        self, bank: Bank, config: PipelineConfig = PipelineConfig(), tuning: Tuning = Tuning()
+    ) -> None:
         self._mount = config.mount
         self.unanswered = 0
         self._repair = InputRepair()
         self._orientation = UpsideDownWatch(config.segment)
         self._nobody = NobodyWatch(config.segment)
-        shared = Shared(bank, config)
+        shared = Shared(bank, config, tuning)
         self._states = shared.states
-        self.perception = Perception(config.segment, config.denoise, config.mount, config.match)
+        self.perception = Perception(
+            config.segment,
+            config.denoise,
+            config.mount,
+            config.match.method == "joints",
+            tuning.detect,
+            tuning.denoise,
+        )
         self.matcher = shared.make_matcher()
         self.refiner = shared.make_refiner()
         self.recoverer = shared.make_recoverer()

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from depth_pose.bank.bank import Bank
 from depth_pose.core.config import PipelineConfig
 from depth_pose.track.state import PersonStates
+from depth_pose.tuning import Tuning
 
 if TYPE_CHECKING:
     from depth_pose.match.match import Matcher
@@ -28,14 +29,17 @@ class Shared:
     ----------
     bank : Bank
     config : PipelineConfig
+    tuning : Tuning
 
     Attributes
     ----------
     states : PersonStates
     """
 
-    def __init__(self, bank: Bank, config: PipelineConfig = PipelineConfig()) -> None:  # noqa: B008
-        self._bank, self._config = bank, config
+    def __init__(
+        self, bank: Bank, config: PipelineConfig = PipelineConfig(), tuning: Tuning = Tuning()
+    ) -> None:
+        self._bank, self._config, self._tuning = bank, config, tuning
         self._is_paper = config.refine.method == "cpd"
         self.states = PersonStates()
 
@@ -43,46 +47,50 @@ class Shared:
     def _bodies(self) -> BodyFitter:
         from depth_pose.refine.body_fitter import BodyFitter
 
-        return BodyFitter(self._bank.body, self._config.fitting)
+        return BodyFitter(self._bank.body, self._tuning.fit)
 
     @cached_property
     def _objective(self) -> Objective:
         from depth_pose.refine.objective import Objective
 
-        return Objective(self._bank, self._config.match.score_band)
+        return Objective(self._bank)
 
     @cached_property
     def _completer(self) -> MeshCompleter:
         from depth_pose.paper.completion import MeshCompleter
 
-        return MeshCompleter(self._bank.body, self._config.completion, self._config.cpd)
+        return MeshCompleter(self._bank.body, self._tuning.completion, self._tuning.cpd)
 
     def make_matcher(self) -> Matcher:
         """Return the second stage."""
         from depth_pose.match.match import Matcher
         from depth_pose.refine.short_fit import ShortFit
 
-        trial = ShortFit(self._bodies.template, self._config.match.score_band)
-        return Matcher(self._bank, self._config.match, trial, self.states)
+        trial, scale = ShortFit(self._bodies.template), self._config.build.scale
+        return Matcher(self._bank, trial, self.states, scale, self._tuning.match)
 
     def make_refiner(self) -> Refiner:
         """Return the third stage, with the method of fitting that is configured."""
         from depth_pose.refine.refine import Refiner
 
-        c, fitter = self._config, None
+        build, t, fitter = self._config.build, self._tuning, None
         if self._is_paper:
             from depth_pose.paper.fitter import CompletionFitter
 
             fitter = CompletionFitter(self._completer)
-        return Refiner(self._bank, c.refine, c.match, self._bodies, fitter, self.states, self._objective)
+        return Refiner(
+            self._bank, self._bodies, fitter, self.states, self._objective, build, t.refine, t.build
+        )
 
     def make_recoverer(self) -> Recoverer:
         """Return the fourth stage; with the method cpd it registers clouds, too."""
         from depth_pose.recover.recover import Recoverer
 
-        c, clouds = self._config, None
+        c, t, clouds = self._config, self._tuning, None
         if self._is_paper:
             from depth_pose.recover.temporal import TemporalCarrier
 
-            clouds = TemporalCarrier(self._completer, c.fitting.temporal, c.fitting.cpd)
-        return Recoverer(self._bank, c.recover, c.smooth, self._bodies, self._objective, self.states, clouds)
+            clouds = TemporalCarrier(self._completer, t.temporal)
+        return Recoverer(
+            self._bank, c.recover, c.smooth, self._bodies, self._objective, self.states, clouds, t.recover
+        )

@@ -118,22 +118,22 @@ def scene():
 def test_the_true_pose_scores_zero_and_others_more(scene):
     body, comparer = scene
     faces = syn.default_body().faces
-    true = comparer.compare(body.vertices, faces, BAND)
+    true = comparer.compare(body.vertices, faces)
     assert true.score < 1e-3
     assert true.gap < 1e-4
-    scores = [comparer.compare(body.vertices + [x, 0, 0], faces, BAND).score for x in (0.02, 0.05, 0.1, 0.3)]
+    scores = [comparer.compare(body.vertices + [x, 0, 0], faces).score for x in (0.02, 0.05, 0.1, 0.3)]
     assert scores == sorted(scores)
     assert true.score < scores[0] < 0.5 < scores[-1] <= 1.0
     raised = syn.posed(syn.upright(left_shoulder=syn.rotation("z", 60.0)))
-    assert comparer.compare(raised.vertices, faces, BAND).score > 0.1
+    assert comparer.compare(raised.vertices, faces).score > 0.1
 
 
 def test_nothing_drawn_and_nothing_seen(scene):
     body, comparer = scene
-    assert comparer.compare(body.vertices + [50.0, 0, 0], syn.default_body().faces, BAND).score == 1.0
+    assert comparer.compare(body.vertices + [50.0, 0, 0], syn.default_body().faces).score == 1.0
     blank = np.zeros((20, 20), np.float32)
     empty = DepthComparer(Observation(blank, blank.astype(np.uint8), syn.CAMERA))
-    assert empty.compare(body.vertices + [50.0, 0, 0], syn.default_body().faces, BAND).score == 0.0
+    assert empty.compare(body.vertices + [50.0, 0, 0], syn.default_body().faces).score == 0.0
 
 
 @pytest.mark.parametrize("off", [(0.06, 0.0, 0.0), (0.0, -0.05, 0.0), (0.0, 0.0, 0.1), (-0.04, 0.03, -0.08)])
@@ -143,7 +143,7 @@ def test_the_shift_brings_the_mesh_back(scene, off):
     out = np.empty(5)
     kernels.score_mesh(body.vertices + off, faces, comparer.observation, BAND, comparer.zbuffer, out)
     moved = body.vertices + off + out[2:]
-    assert comparer.compare(moved, faces, BAND).score < 0.5 * out[0]
+    assert comparer.compare(moved, faces).score < 0.5 * out[0]
     assert np.linalg.norm((moved - body.vertices)[0]) < 0.6 * np.linalg.norm(off)
 
 

@@ -16,7 +16,7 @@ import depth_pose
 from command import Done, caller, environment
 from depth_pose.cli.console import loading, read_settings
 from depth_pose.core.camera import Camera
-from depth_pose.core.config import MatchConfig, PipelineConfig, SegmentConfig
+from depth_pose.core.config import PersonalConfig, PipelineConfig, SegmentConfig
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.options import options
 from depth_pose.io.mcap_write import DepthWriter
@@ -241,13 +241,15 @@ def test_long_loading_is_told_where_there_is_no_terminal(capsys: pytest.CaptureF
 
 def test_settings_files(tmp_path: Path) -> None:
     path = tmp_path / "a.yaml"
-    path.write_text("segment: {near: 1.0}\nmatch:\n  keep: 2\n")
+    path.write_text("segment: {near: 1.0}\nbuild:\n  scale: 0.8\n")
     config = PipelineConfig.from_mapping(read_settings(path))
-    assert (config.segment.near, config.match.keep) == (1.0, 2)
-    (tmp_path / "a.json").write_text('{"match": {"keep": 3}}')
-    assert read_settings(tmp_path / "a.json") == {"match": {"keep": 3}}
-    path.write_text("/**:\n  ros__parameters:\n    bank: x.npz\n    match.keep: 5\n    segment: {far: 4.0}\n")
-    assert read_settings(path) == {"match": {"keep": 5}, "segment": {"far": 4.0}}
+    assert (config.segment.near, config.build.scale) == (1.0, 0.8)
+    (tmp_path / "a.json").write_text('{"build": {"scale": 0.9}}')
+    assert read_settings(tmp_path / "a.json") == {"build": {"scale": 0.9}}
+    path.write_text(
+        "/**:\n  ros__parameters:\n    bank: x.npz\n    build.scale: 0.7\n    segment: {far: 4.0}\n"
+    )
+    assert read_settings(path) == {"build": {"scale": 0.7}, "segment": {"far": 4.0}}
     path.write_text(
         "/**:\n  ros__parameters:\n    zone: '1:4'\n    follow: nearest\n    follow.patient: true\n"
     )
@@ -255,7 +257,7 @@ def test_settings_files(tmp_path: Path) -> None:
     assert (config.segment.zone, config.follow.whom, config.follow.patient) == ("1:4", "nearest", True)
     path.write_text("")
     assert read_settings(path) == {}
-    assert MatchConfig().keep == PipelineConfig.from_mapping({}).match.keep
+    assert PersonalConfig().scale == PipelineConfig.from_mapping({}).build.scale
 
 
 @pytest.mark.parametrize(

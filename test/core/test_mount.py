@@ -9,7 +9,7 @@ import pytest
 
 from crowd import person, seen
 from depth_pose.core.camera import Camera
-from depth_pose.core.config import MatchConfig, MountConfig, PipelineConfig, SmoothConfig
+from depth_pose.core.config import MountConfig, PersonalConfig, PipelineConfig, SmoothConfig
 from depth_pose.core.mount import rotate_upright, rotation_sensor_upright
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.types import HIDDEN, DepthFrame
@@ -66,7 +66,7 @@ def test_no_roll_changes_nothing() -> None:
 @pytest.mark.parametrize("roll", [180.0, 90.0])
 def test_poses_come_in_the_sensor_s_own_frame(bank, roll) -> None:
     config = PipelineConfig(
-        mount=MountConfig(roll=roll), match=MatchConfig(scale=1.0), smooth=SmoothConfig(enabled=False)
+        mount=MountConfig(roll=roll), build=PersonalConfig(scale=1.0), smooth=SmoothConfig(enabled=False)
     )
     pipeline = PosePipeline(bank, config)
     upright = PosePipeline(bank, replace(config, mount=MountConfig()))

@@ -10,6 +10,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.config import DenoiseConfig
 from depth_pose.denoise import _denoise_kernels as kernels
 from depth_pose.denoise.denoise import denoise_depth
+from depth_pose.denoise.tuning import DenoiseTuning
 
 H = 0.2
 SMALL = Camera(17, 13, 60.0, 62.0, 8.3, 5.9)
@@ -82,8 +83,9 @@ def test_steps_follow_one_another(rough):
     """Three iterations are eq. 1, then eq. 3 twice, always attracted by the original points."""
     one = _first(rough, SMALL)
     three = _next(rough, _next(rough, one, SMALL, MU), SMALL, MU)
-    config = DenoiseConfig(support_radius=H, repulsion=MU, iterations=3, outlier_distance=1.0)
-    np.testing.assert_allclose(denoise_depth(rough, SMALL, config), three, atol=1e-3)
+    tuning = DenoiseTuning(support_radius=H, repulsion=MU, outlier_distance=1.0)
+    projected = denoise_depth(rough, SMALL, DenoiseConfig(iterations=3), tuning)
+    np.testing.assert_allclose(projected, three, atol=1e-3)
 
 
 def test_wide_supports_are_sampled():
@@ -117,7 +119,9 @@ def test_outliers_twin():
 def test_points_stay_on_their_rays(rough):
     """Eqs. 2 and 4: the result is a depth per pixel, of the same pixels, within its surface."""
     for iterations in (1, 4):
-        out = denoise_depth(rough, SMALL, DenoiseConfig(iterations=iterations, outlier_distance=1.0))
+        out = denoise_depth(
+            rough, SMALL, DenoiseConfig(iterations=iterations), DenoiseTuning(outlier_distance=1.0)
+        )
         assert out.dtype == np.float32
         np.testing.assert_array_equal(out > 0, rough > 0)
         assert np.abs(out - rough)[rough > 0].max() < 0.08

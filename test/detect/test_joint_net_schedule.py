@@ -11,6 +11,7 @@ from depth_pose.core.measurement import CropMask, CropView, JointMeasurement
 from depth_pose.detect.finder import TorsoDetection
 from depth_pose.detect.joint_net_schedule import JointNetSchedule
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
+from depth_pose.detect.tuning import DetectTuning
 
 STEP_NS = 33_000_000
 
@@ -120,7 +121,7 @@ def test_a_reset_forgets_everybody() -> None:
 def test_people_who_stand_still_are_seen_the_same_in_between() -> None:
     """What is carried along is what the look said, in the frames in between as well."""
     frames = [seen(k, [person(0, -1.0, 3.4), person(0, 0.0, 3.2), person(0, 0.9, 2.8)]) for k in range(4)]
-    carried, fresh = (LearnedSegmenter(SegmentConfig(look_every=n)) for n in (2, 1))
+    carried, fresh = (LearnedSegmenter(SegmentConfig(), tuning=DetectTuning(look_every=n)) for n in (2, 1))
     for frame in frames:
         pairs = list(zip(*(s.segment(frame).detections for s in (carried, fresh)), strict=True))
         assert len(pairs) == 3

@@ -13,8 +13,9 @@ from depth_pose.core.types import HIDDEN, PERSON
 from depth_pose.detect._border_kernels import LimbLimits, attach_apart, attach_limbs
 from depth_pose.detect.finder import TorsoDetection
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
+from depth_pose.detect.tuning import DetectTuning
 
-JUMP_M = SegmentConfig().depth_jump
+JUMP_M = DetectTuning().depth_jump
 LIMITS = LimbLimits(JUMP_M, area=0.15, width=0.13, chance=0.05)
 
 

@@ -17,6 +17,7 @@ from depth_pose.detect.finder import TorsoDetection
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.detect.mask_propagation import MaskPropagation
 from depth_pose.detect.segmentation import Detection
+from depth_pose.detect.tuning import DetectTuning
 
 STEP_NS = 33_000_000
 
@@ -25,7 +26,7 @@ class Watched:
     """A segmenter that tells how often the whole image was searched."""
 
     def __init__(self, every: int = 2) -> None:
-        self.segmenter = LearnedSegmenter(SegmentConfig(find_every=every))
+        self.segmenter = LearnedSegmenter(SegmentConfig(), tuning=DetectTuning(find_every=every))
         self.searches, self._find = 0, self.segmenter.candidates.find
         self.segmenter.candidates.find = self._count
         self.stamp_ns = 10**18

@@ -9,17 +9,19 @@ import pytest
 
 import synthetic as syn
 from depth_pose.bank.views import DISTANCE_M, view_directions, view_rotation
-from depth_pose.core.config import MatchConfig
+from depth_pose.core.config import PersonalConfig
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINT_NODES, MIRROR_JOINTS, MIRROR_NODES, NODE_INDEX
 from depth_pose.match.match import match_confidence
 from depth_pose.match.placing import join
+from depth_pose.match.tuning import MatchTuning
+from depth_pose.tuning import Tuning
 from stages import make_matcher
 
 
 @pytest.fixture(scope="module")
 def matcher(bank):
-    return make_matcher(bank, match=MatchConfig(scale=1.0, search_every=1))
+    return make_matcher(bank, Tuning(match=MatchTuning(search_every=1)), build=PersonalConfig(scale=1.0))
 
 
 def seen_as_in_the_bank(bank, exemplar, view, roll=0.0):
@@ -66,7 +68,7 @@ def test_an_answer(bank, matcher):
     (match,) = matcher.match(seen_as_in_the_bank(bank, 77, 2)[1])
     assert (match.body_id, match.bank_id) == ("body_1", bank.bank_id)
     assert match.scale == 1.0
-    assert 1 <= len(match.candidates) <= MatchConfig().keep
+    assert 1 <= len(match.candidates) <= MatchTuning().keep
     scores = [c.score for c in match.candidates]
     assert scores == sorted(scores)
     for c in match.candidates:
@@ -101,7 +103,7 @@ def test_candidates_are_different_poses(bank, matcher):
 @pytest.mark.parametrize("scale", [0.68, 0.8, 1.12])
 def test_size_is_found(bank, scale):
     """A child and a tall person, held after three frames; the bank's body is 1.75 m."""
-    matcher = make_matcher(bank, match=MatchConfig(scale_frames=3))
+    matcher = make_matcher(bank, Tuning(match=MatchTuning(scale_frames=3)))
     for i in range(5):
         rotations = syn.FACING @ syn.rotation("y", 20.0 * i) @ bank.rotations(20 + i)
         posed = bank.body.pose(rotations, np.array([0.0, 0.0, 3.2]), scale)
@@ -120,7 +122,7 @@ def test_size_is_forgotten_where_stamps_jump_and_somebody_else_has_their_own(ban
         depth = syn.draw(syn.mesh(syn.posed(syn.arms_down(), distance=3.2, scale=scale)))
         return renamed(syn.to_people(depth, stamp_ns=stamp_ns), body_id)
 
-    matcher = make_matcher(bank, match=MatchConfig(scale_frames=1))
+    matcher = make_matcher(bank, Tuning(match=MatchTuning(scale_frames=1)))
     first = matcher.match(people(1.1, syn.START_NS))[0].scale
     assert matcher.match(people(0.75, syn.START_NS + syn.STEP_NS))[0].scale == first  # held
     other = matcher.match(people(0.75, syn.START_NS + 2 * syn.STEP_NS, "body_2"))[0].scale
@@ -137,8 +139,8 @@ def test_nobody(matcher):
 def test_warm_up_leaves_no_trace(bank):
     people = seen_as_in_the_bank(bank, 31, 3)[1]
     plain, warmed = (
-        make_matcher(bank, match=MatchConfig(scale_frames=2)),
-        make_matcher(bank, match=MatchConfig(scale_frames=2)),
+        make_matcher(bank, Tuning(match=MatchTuning(scale_frames=2))),
+        make_matcher(bank, Tuning(match=MatchTuning(scale_frames=2))),
     )
     warmed.warm_up()
     (a,), (b,) = plain.match(people), warmed.match(people)
@@ -159,7 +161,7 @@ def test_a_facing_that_agrees_nearly_as_well_is_kept(bank, matcher, margin, is_k
     half = best.rotations @ syn.rotation("y", 180.0)
     turned = best._replace(rotations=half, nodes=best.nodes[:, MIRROR_NODES], scores=best.scores + margin)
     kept = matcher.exemplars.keep_different(join([*alike, turned]), None)
-    assert len(kept) == MatchConfig().keep
+    assert len(kept) == MatchTuning().keep
     assert any((c.rotation == half[0]).all() for c in kept) == is_kept
 
 

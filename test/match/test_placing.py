@@ -48,7 +48,7 @@ def test_views_lie_over_the_inputs_axes(bank, person, placed):
 
 
 def test_comparing_twin(bank, person, placed):
-    found = ExemplarRenderer(bank, BAND).compare(placed, SCALE, person.coarse)
+    found = ExemplarRenderer(bank).compare(placed, SCALE, person.coarse)
     body, comparer = coarsen(bank.body, COARSE_VERTICES), DepthComparer(person.coarse)
     for k, exemplar in enumerate(placed.exemplars):
         turned = placed.rotations[k] @ bank.rotations(exemplar)
@@ -61,7 +61,7 @@ def test_comparing_twin(bank, person, placed):
 
 
 def test_moved_ones_are_nearer_and_the_better_ones_are_kept(bank, person, placed):
-    renderer = ExemplarRenderer(bank, BAND)
+    renderer = ExemplarRenderer(bank)
     off = np.array([0.1, -0.08, 0.06])
     there = renderer.compare(placed, SCALE, person.coarse)
     away = renderer.compare(placed._replace(translations=placed.translations + off), SCALE, person.coarse)
@@ -77,7 +77,7 @@ def test_moved_ones_are_nearer_and_the_better_ones_are_kept(bank, person, placed
 
 
 def test_ranked_and_joined_in_order(bank, person, placed):
-    found = ExemplarRenderer(bank, BAND).compare(placed, SCALE, person.coarse)
+    found = ExemplarRenderer(bank).compare(placed, SCALE, person.coarse)
     both = join([found, found])
     best = both.take(both.ranking()[:4])
     order = np.argsort(found.scores)

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 import synthetic as syn
-from depth_pose.core.config import MatchConfig, PipelineConfig
+from depth_pose.core.config import PersonalConfig
 from depth_pose.match.match import Matcher
+from depth_pose.match.tuning import MatchTuning
 from depth_pose.stages import Shared
 from depth_pose.track.person_view import FramePeople
+from depth_pose.tuning import Tuning
 from stages import make_matcher
 
 _SHIFT_M = np.array([0.05, 0.0, 0.02])
@@ -55,7 +57,7 @@ def searches(
 
 
 def test_candidates_go_along_with_the_person(bank, people) -> None:
-    matcher = make_matcher(bank, match=MatchConfig(scale=1.0, search_every=3))
+    matcher = make_matcher(bank, Tuning(match=MatchTuning(search_every=3)), build=PersonalConfig(scale=1.0))
     (first,) = matcher.match(shifted(people, 0))
     (second,) = matcher.match(shifted(people, 1))
     for a, b in zip(first.candidates, second.candidates, strict=True):
@@ -64,7 +66,7 @@ def test_candidates_go_along_with_the_person(bank, people) -> None:
 
 
 def test_two_people_take_turns(bank, people) -> None:
-    matcher = make_matcher(bank, match=MatchConfig(scale=1.0, search_every=2))
+    matcher = make_matcher(bank, Tuning(match=MatchTuning(search_every=2)), build=PersonalConfig(scale=1.0))
     told = searches(matcher, named(people, "body_1", "body_2"), 6)
     assert told[0] == [True, True]
     for was, now in pairwise(told[1:]):
@@ -72,21 +74,27 @@ def test_two_people_take_turns(bank, people) -> None:
 
 
 def test_every_frame_is_searched_where_that_is_asked_for_or_the_size_is_not_known(bank, people) -> None:
-    for config in (MatchConfig(scale=1.0, search_every=1), MatchConfig(scale_frames=5, search_every=4)):
-        assert searches(make_matcher(bank, match=config), people, 4) == [[True]] * 4
+    for scale, tuning in (
+        (1.0, MatchTuning(search_every=1)),
+        (0.0, MatchTuning(scale_frames=5, search_every=4)),
+    ):
+        matcher = make_matcher(bank, Tuning(match=tuning), build=PersonalConfig(scale=scale))
+        assert searches(matcher, people, 4) == [[True]] * 4
 
 
 def test_candidates_are_not_carried_for_long(bank, people) -> None:
     for step_ns, told in ((33_000_000, [True, False, False, True]), (66_000_000, [True, False, True, False])):
-        matcher = make_matcher(bank, match=MatchConfig(scale=1.0, search_every=3))
+        matcher = make_matcher(
+            bank, Tuning(match=MatchTuning(search_every=3)), build=PersonalConfig(scale=1.0)
+        )
         found = searches(matcher, named(people, "body_0"), 4, step_ns)
         assert [f for (f,) in found] == told
-    matcher = make_matcher(bank, match=MatchConfig(scale=1.0, search_every=3))
+    matcher = make_matcher(bank, Tuning(match=MatchTuning(search_every=3)), build=PersonalConfig(scale=1.0))
     assert searches(matcher, people, 3, 200_000_000) == [[True]] * 3
 
 
 def test_a_reset_forgets_whose_turn_it_is(bank, people) -> None:
-    matcher = make_matcher(bank, match=MatchConfig(scale=1.0, search_every=3))
+    matcher = make_matcher(bank, Tuning(match=MatchTuning(search_every=3)), build=PersonalConfig(scale=1.0))
     told = [searches(matcher, people, 5)]
     matcher.reset()
     assert searches(matcher, people, 5) == told[0]
@@ -98,7 +106,7 @@ def cut(people: FramePeople, is_cut: bool) -> FramePeople:
 
 
 def test_the_size_is_not_sought_anew_whenever_the_image_wavers(bank, people) -> None:
-    shared = Shared(bank, PipelineConfig(match=MatchConfig(scale_frames=3, search_every=1)))
+    shared = Shared(bank, tuning=Tuning(match=MatchTuning(scale_frames=3, search_every=1)))
     matcher, frames = shared.make_matcher(), []
     for k in range(16):
         matcher.match(cut(syn.restamped(people, k * 33_000_000), is_cut=k % 3 == 1))
@@ -107,7 +115,7 @@ def test_the_size_is_not_sought_anew_whenever_the_image_wavers(bank, people) -> 
 
 
 def test_the_size_is_sought_anew_once_somebody_is_whole_for_good(bank, people) -> None:
-    shared = Shared(bank, PipelineConfig(match=MatchConfig(scale_frames=3, search_every=1)))
+    shared = Shared(bank, tuning=Tuning(match=MatchTuning(scale_frames=3, search_every=1)))
     matcher, frames = shared.make_matcher(), []
     for k in range(12):
         matcher.match(cut(syn.restamped(people, k * 33_000_000), is_cut=k < 4))

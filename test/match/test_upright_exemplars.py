@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import synthetic as syn
-from depth_pose.core.config import MatchConfig
+from depth_pose.core.config import PersonalConfig
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import JOINT_NODES, NODE_INDEX
 from depth_pose.match.upright_exemplars import UprightExemplars, head_axes
@@ -53,7 +53,7 @@ def test_upright_exemplars_are_upright(bank):
 
 def test_half_a_body_is_matched_upright_and_in_its_place(bank):
     posed = syn.posed(syn.arms_down())
-    (match,) = make_matcher(bank, match=MatchConfig(scale=1.0)).match(_cut_below(posed, "pelvis"))
+    (match,) = make_matcher(bank, build=PersonalConfig(scale=1.0)).match(_cut_below(posed, "pelvis"))
     pose = bank.pose(match.candidates[0], 1.0)
     nodes = bank.body.pose(pose.rotations, pose.root, 1.0).nodes
     upper = [NODE_INDEX[n] for n in ("chest", "neck", "head", "left_shoulder", "right_shoulder")]

@@ -12,7 +12,7 @@ import synthetic as syn
 from acted import empty_frame, frame_of, posed, the_bank, the_body
 from depth_pose.body.build import BuildSpace
 from depth_pose.body.pose import Fitted
-from depth_pose.core.config import MatchConfig, PipelineConfig, RecoverConfig, RefineConfig, SmoothConfig
+from depth_pose.core.config import PersonalConfig, PipelineConfig, RecoverConfig, RefineConfig, SmoothConfig
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.rotations import matrix_to_quat, rotvec_to_matrix
 from depth_pose.core.skeleton import BONES, JOINT_NODES, JOINTS, NODE_INDEX, Source
@@ -22,10 +22,12 @@ from depth_pose.recover.confidence import fit_confidence, report_joints, skeleto
 from depth_pose.recover.failure import FailureCheck, bone_lengths, limit_excess
 from depth_pose.recover.measurements import weigh_joints
 from depth_pose.recover.recover import Recoverer
+from depth_pose.recover.tuning import RecoverTuning
 from depth_pose.sim.failures import KINDS, fail
 from depth_pose.stages import Shared
 from depth_pose.track.person_view import FramePeople
 from depth_pose.track.state import PersonStates
+from depth_pose.tuning import Tuning
 from stages import make_recoverer, make_refiner
 
 FRAMES = 12
@@ -35,14 +37,14 @@ BAD = range(4, 8)
 @pytest.fixture(scope="module")
 def run() -> list[FrameResult]:
     """Every stage's answers to the whole recording, through the real pipeline."""
-    config = PipelineConfig(match=MatchConfig(scale=1.0), smooth=SmoothConfig(enabled=False))
+    config = PipelineConfig(build=PersonalConfig(scale=1.0), smooth=SmoothConfig(enabled=False))
     pipeline = PosePipeline(the_bank(), config)
     return [pipeline.process_frame(frame_of(k)) for k in range(FRAMES)]
 
 
-def recoverer(smooth: bool = False, **settings) -> Recoverer:
+def recoverer(smooth: bool = False, tuning: Tuning = Tuning(), **settings) -> Recoverer:
     config = RecoverConfig(**settings)
-    return make_recoverer(the_bank(), recover=config, smooth=SmoothConfig(enabled=smooth))
+    return make_recoverer(the_bank(), tuning, recover=config, smooth=SmoothConfig(enabled=smooth))
 
 
 def recovered(stage: Recoverer, people: FramePeople, *fitted: Fitted) -> Skeleton | None:
@@ -266,7 +268,7 @@ def test_proposed_joints_speak_for_a_sudden_pose(run) -> None:
 
 
 def test_disabled_passes_failures_on(run) -> None:
-    answers = replay(recoverer(enabled=False), run, scattered)
+    answers = replay(recoverer(tuning=Tuning(recover=RecoverTuning(enabled=False))), run, scattered)
     assert all(a.source == Source.REFINED for a in answers)
     assert error(answers[5], 5) > 0.2
 
@@ -292,14 +294,12 @@ def test_keeps_a_doubtful_pose_that_agrees_better(run) -> None:
 @pytest.mark.parametrize("method", ["articulated", "cpd"])
 def test_the_last_body_is_registered_by_the_method(run, method) -> None:
     """By the fit alone, or by the clouds first; both come to the person."""
-    for band in (0.06, 0.3):
-        config = {"match": MatchConfig(score_band=band), "refine": RefineConfig(method=method)}
-        stage = make_recoverer(the_bank(), **config)
-        for k in range(3):
-            recovered(stage, run[k].people, *run[k].refined)
-        answer = recovered(stage, run[3].people, no_pose(*run[3].refined))
-        assert answer.source == Source.RECOVERED
-        assert error(answer, 3) < 0.04
+    stage = make_recoverer(the_bank(), refine=RefineConfig(method=method))
+    for k in range(3):
+        recovered(stage, run[k].people, *run[k].refined)
+    answer = recovered(stage, run[3].people, no_pose(*run[3].refined))
+    assert answer.source == Source.RECOVERED
+    assert error(answer, 3) < 0.04
 
 
 def test_first_frame_is_given_even_if_doubtful_but_not_trusted(run) -> None:
@@ -344,7 +344,7 @@ def test_paper_s_method_fits_the_run(run) -> None:
 def test_limits_allow_every_fit_and_name_the_joint(run) -> None:
     for result in run:
         assert limit_excess(the_body(), result.refined[0]).max() < 20
-    check, (right,) = FailureCheck(the_body(), RecoverConfig()), run[0].refined
+    check, (right,) = FailureCheck(the_body(), RecoverConfig().min_confidence), run[0].refined
     assert check.find(right, None, None) is None
     longer = right.nodes.copy()
     longer[NODE_INDEX["right_wrist"]] += 0.3

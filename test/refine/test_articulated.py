@@ -13,7 +13,6 @@ from depth_pose.body.feet import heel_vertices
 from depth_pose.body.pose import BodyPose
 from depth_pose.body.rendered_depth import Observation
 from depth_pose.core._rotation_kernels import rotation_of
-from depth_pose.core.config import FitConfig
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import JOINT_NODES, JOINTS, MIRROR_JOINTS, NODE_INDEX, NODE_PARENTS
@@ -22,6 +21,7 @@ from depth_pose.refine import _articulated_kernels as kernels
 from depth_pose.refine import _tree_kernels as tree
 from depth_pose.refine import _visibility_kernels as visibility
 from depth_pose.refine.articulated import ArticulatedFitter
+from depth_pose.refine.tuning import FitTuning
 
 LIMBS = [f"{side}_{joint}" for side in ("left", "right") for joint in ("shoulder", "elbow", "hip", "knee")]
 
@@ -86,7 +86,7 @@ def test_joints_that_nobody_sees_go_where_they_are_proposed(body, fitter, swappe
     errors = []
     for with_proposals in (False, True):
         target = replace(person, found=proposals).target(800, with_proposals=with_proposals)
-        fitted = nodes_of(body, fit_pose(fitter, target, start, fitter.config.sigmas + 10 * (0.02,)))
+        fitted = nodes_of(body, fit_pose(fitter, target, start, fitter.tuning.sigmas + 10 * (0.02,)))
         errors.append(np.linalg.norm(fitted - posed.nodes, axis=1)[legs].mean())
     assert errors[0] > 0.1
     assert errors[1] < 0.3 * errors[0]
@@ -139,7 +139,7 @@ def test_soles_stand_on_a_floor_that_is_known(body, fitter, raised):
     person = syn.to_person(depth, hidden=hidden)
     lowest = posed.vertices[:, 1].max()
     start = BodyPose(syn.FACING @ syn.arms_down(), posed.nodes[0] - [0.0, raised, 0.0], 1.0)
-    patient = fitter.config.sigmas + 10 * (0.02,)
+    patient = fitter.tuning.sigmas + 10 * (0.02,)
 
     def lowest_of(floor):
         person_there = replace(person, floor=floor)
@@ -212,7 +212,7 @@ def test_a_known_pose_is_found_from_a_start_nearby(body, fitter, seed, degrees, 
     target = target_of(posed, noise)
     quick = nodes_of(body, fit_pose(fitter, target, start))
     assert syn.joint_error(quick, posed.nodes) < 0.2 * before
-    patient = nodes_of(body, fit_pose(fitter, target, start, fitter.config.sigmas + 10 * (0.02,)))
+    patient = nodes_of(body, fit_pose(fitter, target, start, fitter.tuning.sigmas + 10 * (0.02,)))
     assert syn.joint_error(patient, posed.nodes) < 0.010
 
 
@@ -266,13 +266,13 @@ def test_results_are_rotations_and_inputs_are_untouched(fitter):
     np.testing.assert_array_equal(again.rotations, r)
 
 
-@pytest.mark.parametrize(("free_space", "most"), [(0.0, 1e-6), (FitConfig().free_space_weight, 0.02)])
+@pytest.mark.parametrize(("free_space", "most"), [(0.0, 1e-6), (FitTuning().free_space_weight, 0.02)])
 def test_half_a_turn_of_the_camera_turns_the_result(body, free_space, most):
     """Rolled by 180 degrees every pixel falls on a pixel, so the two fits see the very same.
 
     But of several person pixels that are equally near, the free-space term takes the first.
     """
-    fitter = ArticulatedFitter(body, FitConfig(free_space_weight=free_space))
+    fitter = ArticulatedFitter(body, FitTuning(free_space_weight=free_space))
     true = syn.varied(2, 25.0)
     posed = syn.posed(true, height=0.95)
     depth = syn.draw(syn.mesh(posed))
@@ -570,6 +570,14 @@ def test_turned_normals_and_visibility(body, fitter):
 
 
 def test_sigmas_go_from_coarse_to_fine():
-    sigmas = FitConfig().sigmas
+    sigmas = FitTuning().sigmas
     assert list(sigmas) == sorted(sigmas, reverse=True)
     assert sigmas[0] <= 0.1
+
+
+@pytest.mark.parametrize("count", [4, 7, 8, 11])
+def test_stages_share_one_schedule(count):
+    tuning = FitTuning(sigmas=tuple(0.01 * (20 - k) for k in range(count)))
+    assert tuning.glance + tuning.rough + tuning.fine == tuning.sigmas
+    assert all((tuning.glance, tuning.rough, tuning.fine))
+    assert tuning.trial == tuning.sigmas[: len(tuning.trial)]

@@ -9,7 +9,7 @@ import synthetic as syn
 from depth_pose.body.build import BUILD_NAMES, BuildSpace
 from depth_pose.body.build_file import KnownBuild, save_build
 from depth_pose.body.pose import BodyPose, FittedBody
-from depth_pose.core.config import FitConfig, PersonalConfig
+from depth_pose.core.config import PersonalConfig
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.measurement import Proposals
 from depth_pose.core.skeleton import JOINT_NODES, MIRROR_JOINTS
@@ -37,14 +37,14 @@ def seen(space):
 
 
 def learner_of(space, **settings):
-    return BuildLearner(space, PersonalConfig(**settings), FitConfig())
+    return BuildLearner(space, PersonalConfig(**settings))
 
 
 def follow(learner, seen, shape, first, frames, score=0.1):
     """Show frames of somebody, 100 ms apart."""
     for k in range(first, first + frames):
         stamp_ns = syn.START_NS + k * 100_000_000
-        shape = learner.learn(learner.begin(shape, 1.0, is_given=False), *seen, score, stamp_ns)
+        shape = learner.learn(learner.begin(shape, 1.0), *seen, score, stamp_ns)
     return shape
 
 
@@ -78,7 +78,7 @@ def test_a_file_is_begun_with_and_a_bad_one_refused(space, tmp_path):
     build = np.linspace(-0.05, 0.05, PARTS)
     save_build(tmp_path / "me.json", KnownBuild(0.9, 0.01, build, np.full(PARTS, 0.01), 99))
     learner = learner_of(space, file=str(tmp_path / "me.json"))
-    np.testing.assert_allclose(learner.begin(Shape(), 0.9, is_given=False).build, build, atol=1e-4)
+    np.testing.assert_allclose(learner.begin(Shape(), 0.9).build, build, atol=1e-4)
     with pytest.raises(ConfigError, match=r"no\.json: the build cannot be read"):
         learner_of(space, file=str(tmp_path / "no.json"))
 

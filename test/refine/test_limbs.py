@@ -57,7 +57,7 @@ def test_wrong_limbs_are_replaced(body, search, true, moved):
     def compared(start):
         pose = fitter.fit(target, start).pose
         found = body.pose(pose.rotations, pose.root)
-        return comparer.compare(found.vertices, body.faces, BAND).score, found.nodes
+        return comparer.compare(found.vertices, body.faces).score, found.nodes
 
     without = compared(wrong)
     best = min(map(compared, proposals), key=lambda c: c[0])
@@ -75,11 +75,11 @@ def test_right_limbs_agree_better_than_others(body, search):
     comparer = DepthComparer(person.coarse)
     pose = BodyPose(syn.FACING @ rotations, posed.nodes[0], 1.0)
     before = pose.rotations.copy()
-    right = comparer.compare(posed.vertices, body.faces, BAND).score
+    right = comparer.compare(posed.vertices, body.faces).score
     for proposal in search.propose(FittedBody(pose, posed.vertices, posed.nodes), comparer):
         other = body.pose(proposal.rotations, proposal.root)
         if np.linalg.norm(other.nodes - posed.nodes, axis=1).max() > 0.15:
-            assert comparer.compare(other.vertices, body.faces, BAND).score > right + 0.02
+            assert comparer.compare(other.vertices, body.faces).score > right + 0.02
     np.testing.assert_array_equal(pose.rotations, before)
 
 

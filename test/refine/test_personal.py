@@ -9,12 +9,12 @@ import synthetic as syn
 from depth_pose.body.build import BUILD_NAMES, SPREAD, BuildSpace, prior_information
 from depth_pose.body.build_file import KnownBuild
 from depth_pose.body.pose import BodyPose
-from depth_pose.core.config import FitConfig, PersonalConfig
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.refine import _build_kernels as kernels
 from depth_pose.refine import personal as personal_builds
 from depth_pose.refine.articulated import ArticulatedFitter
 from depth_pose.refine.personal import BuildEvidence, Evidence
+from depth_pose.refine.tuning import BuildTuning, FitTuning
 from learned import Learned
 
 PARTS = len(BUILD_NAMES)
@@ -77,9 +77,9 @@ def test_rows_are_derivatives(space):
 
 def followed(space, person, seed, frames=36):
     """What is learned of a person before a noisy camera, in random poses that change every fourth frame."""
-    config, rng = PersonalConfig(), np.random.default_rng(seed)
-    fitter, finder = ArticulatedFitter(space.template), BuildEvidence(space, config, FitConfig())
-    personal = Learned(config, space)
+    tuning, rng = BuildTuning(), np.random.default_rng(seed)
+    fitter, finder = ArticulatedFitter(space.template), BuildEvidence(space, tuning, FitTuning())
+    personal = Learned(tuning, space)
     for k in range(frames):
         personal.take_size(1.02, is_given=False)
         turn = syn.rotation("y", 20.0 * np.sin(k / 6.0 + seed))
@@ -144,7 +144,7 @@ def test_a_rigid_motion_of_everything_changes_no_evidence(space):
     target = target_of(syn.draw(syn.mesh(space.template.pose(*vars(pose).values()))))
     empty = target.full._replace(labels=np.full_like(target.full.labels, 2))
     turn = rotvec_to_matrix(np.array([0.0, 0.0, np.pi / 2]))
-    finder = BuildEvidence(space, PersonalConfig(free_space=0.0), FitConfig())
+    finder = BuildEvidence(space, BuildTuning(free_space=0.0), FitTuning())
     none = np.zeros(PARTS, np.float32)
     straight = finder.find(space.template, target._replace(full=empty), pose, none)
     camera = target.coarse.camera
@@ -174,7 +174,7 @@ def test_what_frames_say_too_little_of_a_part_is_added(space, monkeypatch):
     assert lack[0] == 0.0 and lack[1 + BUILD_NAMES.index("thigh")] > 0.0
 
     def evidence():
-        return BuildEvidence(space, PersonalConfig(), FitConfig()).find(space.template, target, pose, build)
+        return BuildEvidence(space, BuildTuning(), FitTuning()).find(space.template, target, pose, build)
 
     told = evidence()
     monkeypatch.setattr(personal_builds, "BUILD_BIAS", np.zeros(1 + PARTS))
@@ -184,7 +184,7 @@ def test_what_frames_say_too_little_of_a_part_is_added(space, monkeypatch):
 
 
 def test_of_someone_unknown_the_matchers_size_is_taken(space):
-    personal = Learned(PersonalConfig(), space)
+    personal = Learned(BuildTuning(), space)
     personal.take_size(0.93, is_given=False)
     assert personal.scale == pytest.approx(0.93, rel=1e-6)
     assert not personal.build.any()
@@ -199,7 +199,7 @@ def made_evidence(truth, seed):
 
 def test_evidence_adds_up_to_the_truth_and_is_forgotten(space):
     truth = np.concatenate([[np.log(1.1)], np.linspace(-0.1, 0.1, PARTS)])
-    personal = Learned(PersonalConfig(memory=5.0), space)
+    personal = Learned(BuildTuning(memory=5.0), space)
     personal.take_size(1.08, is_given=False)
     for frame in range(200):
         personal.add(frame * 100_000_000, 0.1, made_evidence(truth, frame))
@@ -219,7 +219,7 @@ def test_frames_that_fit_badly_say_little(space):
     truth = np.concatenate([[np.log(1.1)], np.linspace(-0.1, 0.1, PARTS)])
     spreads = {}
     for score in (0.1, 0.4):
-        personal = Learned(PersonalConfig(), space)
+        personal = Learned(BuildTuning(), space)
         personal.take_size(1.1, is_given=False)
         for frame in range(4):
             personal.add(frame * 100_000_000, score, made_evidence(truth, frame))
@@ -231,7 +231,7 @@ def test_frames_that_fit_badly_say_little(space):
 
 def test_a_given_size_is_kept(space):
     truth = np.concatenate([[np.log(1.2)], np.zeros(PARTS)])
-    personal = Learned(PersonalConfig(), space)
+    personal = Learned(BuildTuning(), space)
     for frame in range(20):
         personal.take_size(1.0, is_given=True)
         personal.add(frame * 100_000_000, 0.1, made_evidence(truth, frame))
@@ -241,7 +241,7 @@ def test_a_given_size_is_kept(space):
 
 def test_a_known_build_is_begun_with(space):
     build = np.linspace(-0.08, 0.08, PARTS)
-    personal = Learned(PersonalConfig(), space, KnownBuild(0.9, 0.005, build, np.full(PARTS, 0.01), 100))
+    personal = Learned(BuildTuning(), space, KnownBuild(0.9, 0.005, build, np.full(PARTS, 0.01), 100))
     personal.take_size(0.95, is_given=False)
     np.testing.assert_allclose(personal.build, build, atol=1e-6)
     assert 0.9 < personal.scale < 0.91

@@ -7,7 +7,6 @@ import pytest
 
 import synthetic as syn
 from depth_pose.body.build import BUILD_NAMES, BuildSpace
-from depth_pose.core.config import PersonalConfig
 from depth_pose.core.measurement import NO_PROPOSALS, Proposals
 from depth_pose.core.skeleton import JOINT_NODES, JOINTS, MIRROR_JOINTS
 from depth_pose.refine import proposed_bones
@@ -15,6 +14,7 @@ from depth_pose.refine.personal import Evidence, Proposed
 from depth_pose.refine.proposed_bones import LENGTHS, BoneLengths, ProposedBones, measure_bones
 from depth_pose.refine.proposed_depth import TrunkDepth
 from depth_pose.refine.running_median import forget
+from depth_pose.refine.tuning import BuildTuning
 from depth_pose.refine.upright_stance import find_standing
 from learned import Learned
 
@@ -170,7 +170,7 @@ def test_what_was_proposed_is_forgotten(space):
 def in_a_coat(space, is_given=False, score=0.1):
     """Follow somebody of size 1.0 whose skin says 1.2; how well frames fit is ``score``."""
     rng = np.random.default_rng(1)
-    personal = Learned(PersonalConfig(), space)
+    personal = Learned(BuildTuning(), space)
     for frame in range(40):
         personal.take_size(1.2, is_given)
         rows = rng.standard_normal((40, 1 + PARTS))

@@ -9,18 +9,21 @@ import numpy as np
 import pytest
 
 import synthetic as syn
-from depth_pose.core.config import MatchConfig, RefineConfig
+from depth_pose.core.config import PersonalConfig, RefineConfig
 from depth_pose.core.errors import BankError
 from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.core.types import Candidate, PoseMatch
 from depth_pose.recover.confidence import fit_confidence
 from depth_pose.refine.body_fitter import BodyFitter
 from depth_pose.refine.refine import Refiner
+from depth_pose.refine.tuning import RefineTuning
+from depth_pose.tuning import Tuning
 from stages import make_matcher, make_refiner
 
 
-def refiner_of(bank, **settings):
-    return make_refiner(bank, refine=RefineConfig(**settings))
+def refiner_of(bank, method="articulated", **constants):
+    tuning = Tuning(refine=RefineTuning(**constants))
+    return make_refiner(bank, tuning, refine=RefineConfig(method=method))
 
 
 def scene(bank, exemplar, turn=20.0, stamp_ns=syn.START_NS, distance=3.0):
@@ -116,7 +119,7 @@ def test_exemplars_that_lost_are_not_fitted_again_before_the_next_search(bank):
     _, people = scene(bank, 31)
     bodies = BodyFitter(bank.body)
     fitter = CountingFitter(bodies)
-    refiner = Refiner(bank, RefineConfig(), MatchConfig(), bodies, fitter)
+    refiner = Refiner(bank, bodies, fitter)
     spent = []
     for k, exemplar in enumerate((31, 31, 31, 208)):
         refined(refiner, syn.restamped(people, people.stamp_ns + k * syn.STEP_NS), candidate(exemplar))
@@ -176,6 +179,6 @@ def test_from_matching_to_refinement(bank):
     """A pose between exemplars: what the matcher gives is enough to start from."""
     mixed = syn.posed(syn.arms_down(), turn=-15.0)
     people = syn.to_people(syn.draw(syn.mesh(mixed)))
-    matches = make_matcher(bank, match=MatchConfig(scale=1.0)).match(people)
+    matches = make_matcher(bank, build=PersonalConfig(scale=1.0)).match(people)
     (fitted,) = refiner_of(bank).refine(people, matches)
     assert syn.joint_error(fitted.joints, mixed.nodes[JOINT_NODES]) < 0.04

@@ -30,7 +30,7 @@ STILL = np.zeros(3)
 
 @pytest.fixture(scope="module")
 def bodies(bank):
-    return BodyFitter(bank.body, PipelineConfig().fitting)
+    return BodyFitter(bank.body)
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +90,7 @@ def test_one_camera_is_fitted_as_in_its_own_frame(bank, bodies, pose):
     view = see(bank, pose, camera_at(0.4), bodies)
     fine, coarse = bodies.both_of(np.zeros(13, np.float32))
     start = disturbed(pose)
-    alone = coarse.fit(view.target, view.pose_in_camera(start), coarse.config.rough).pose
+    alone = coarse.fit(view.target, view.pose_in_camera(start), coarse.tuning.rough).pose
     there = RoomFit(fine, coarse, [view]).rough(start)
     assert np.allclose(there.pose.root, view.pose_in_room(alone).root, atol=1e-9)
     assert np.allclose(there.pose.rotations, view.pose_in_room(alone).rotations, atol=1e-9)

@@ -7,6 +7,7 @@ from scipy.optimize import approx_fprime
 from depth_pose.volume.config import LearnConfig
 from depth_pose.volume.gp import Kernel, Regression, evidence, learn_regression, square_distances
 from depth_pose.volume.gpdm import chain_rows, learn_dynamics, principal_points
+from depth_pose.volume.tuning import LearnTuning
 
 
 @pytest.mark.parametrize("linear", [None, -0.7])
@@ -79,7 +80,7 @@ def test_dynamics_of_a_cycle():
     x = found.latent
     apart = np.linalg.norm(x[:39] - x[40:79], axis=1).mean()
     assert apart < 0.35 * np.linalg.norm(x[:39] - x[20:59], axis=1).mean()
-    motion = Regression(x[:-1], x[1:], found.motion_kernel, LearnConfig().noise_floor)
+    motion = Regression(x[:-1], x[1:], found.motion_kernel, LearnTuning().noise_floor)
     assert np.linalg.norm(motion.left_out(), axis=1).mean() < np.linalg.norm(x[1:] - x[:-1], axis=1).mean()
     volume = Regression(x, v, found.volume_kernel)
     assert np.sqrt((volume.left_out() ** 2).mean()) < 0.3

@@ -26,6 +26,7 @@ from depth_pose.volume.pipeline import VolumePipeline, VolumePoseTracker
 from depth_pose.volume.scoring import joint_positions, score
 from depth_pose.volume.synchroniser import ViewSet
 from depth_pose.volume.tracker import UNLIKELY, LatentTracker, Sight
+from depth_pose.volume.tuning import TrackTuning, VolumeTuning
 
 CONFIG = VolumeConfig(space=SpaceConfig(voxel=0.03))
 
@@ -89,7 +90,7 @@ def test_the_skeleton(model, report):
 
 
 def test_nobody_and_somebody_else(model, performance):
-    tracker = VolumePoseTracker(model, tracking(lost_after=3))
+    tracker = VolumePoseTracker(model, CONFIG, tuning=VolumeTuning(track=TrackTuning(lost_after=3)))
     at = iter(range(1, 10**12, 33_000_000))
     first = [tracker.process(v, next(at)) for v in performance.volumes[:4]]
     gap = [tracker.process(empty_volume(6), next(at)) for _ in range(2)]
@@ -106,7 +107,7 @@ def test_nobody_and_somebody_else(model, performance):
 
 def test_it_recovers_from_a_wrong_heading(model, performance):
     """Turned about by half within one frame, the filter is lost, says so, and searches again."""
-    tracker = LatentTracker(model, TrackConfig(lost_after=3))
+    tracker = LatentTracker(model, tuning=TrackTuning(lost_after=3))
     rows = [describe(v, performance.stature, model.bins) for v in performance.volumes[:20]]
     for d in rows[:8]:
         good = tracker.track([Sight(d)], 1 / 30)

@@ -37,6 +37,7 @@ from depth_pose.core.skeleton import JOINTS, MIRROR_JOINTS
 from depth_pose.core.types import DepthFrame
 from depth_pose.detect._crop_kernels import sample_crop
 from depth_pose.detect.candidates import CandidateFinder
+from depth_pose.detect.tuning import DetectTuning
 
 _LEAST = 0.05
 """Detections below this probability are left out: the finder rejects them by itself."""
@@ -85,7 +86,7 @@ class Collector:
     """Collector of a finder's detections."""
 
     def __init__(self, weights: Path) -> None:
-        self._candidates = CandidateFinder(SegmentConfig(keep=_LEAST), weights)
+        self._candidates = CandidateFinder(SegmentConfig(), weights, DetectTuning(keep=_LEAST))
         self.rows: list[tuple[NDArray, ...]] = []
 
     def add(self, shot: Shot) -> None:

@@ -32,6 +32,7 @@ from rich.progress import track
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import DepthFrame
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
+from depth_pose.detect.tuning import DetectTuning
 from depth_pose.sim.clips import sample_clip
 
 _KEPT = {
@@ -80,7 +81,7 @@ class _Inputs(CalibrationDataReader):
 
 def watch(weights: Path, rooms: int) -> dict[str, list[Features]]:
     """Record the inputs of both nets in simulated rooms, by the net's name."""
-    segmenter = LearnedSegmenter(SegmentConfig(find_every=1), weights)
+    segmenter = LearnedSegmenter(SegmentConfig(), weights, DetectTuning(find_every=1))
     finder, joints = segmenter.candidates.finder, segmenter.joint_net
     finder._session, joints.session = _Watched(finder._session), _Watched(joints.session)
     for k in track(range(rooms), "rooms"):

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import DepthFrame
 from depth_pose.detect.finder import FinderResult, PeopleFinder, TorsoDetection, load_weights
+from depth_pose.detect.tuning import DetectTuning
 from depth_pose.io.mcap_read import read_frames
 
 _SEQUENCES = ("real_office", "real_corridor", "real_empty", "dev_people", "dev_postures", "dev", "dev_bodies")
@@ -203,10 +204,12 @@ def main(
     """Score the finder."""
     thresholds = threshold or [0.3, 0.5, 0.6, 0.8]
     if weights is None:
-        finder = PeopleFinder(SegmentConfig(keep=min(thresholds)), *load_weights())
+        finder = PeopleFinder(SegmentConfig(), *load_weights(), DetectTuning(keep=min(thresholds)))
     else:
         settings = json.loads(weights.with_suffix(".json").read_text())
-        finder = PeopleFinder(SegmentConfig(keep=min(thresholds)), weights.read_bytes(), settings)
+        finder = PeopleFinder(
+            SegmentConfig(), weights.read_bytes(), settings, DetectTuning(keep=min(thresholds))
+        )
     for name in only or [*_SEQUENCES, *_SINGLES]:
         total = {t: Counter() for t in thresholds}
         for path in sorted((data / name).glob("*.mcap")):

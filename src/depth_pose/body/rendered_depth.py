@@ -19,6 +19,9 @@ from depth_pose.body._nearest_kernels import nearest_person
 from depth_pose.core import _raster_kernels as kernels
 from depth_pose.core.camera import Camera
 
+SCORE_BAND_M = 0.12
+"""Depth difference that counts as a full mismatch in every score (m): about the thickness of a limb."""
+
 
 class Observation(NamedTuple):
     """The observed person on a pixel grid, cropped to a window, in the form of the kernels' argument.
@@ -102,7 +105,7 @@ class DepthComparer:
         """Row and column (h, w, 2) of the nearest person pixel to every pixel."""
         return nearest_person_pixels(self.observation)
 
-    def compare(self, vertices: NDArray[np.float64], faces: NDArray[np.int32], band: float) -> Comparison:
+    def compare(self, vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> Comparison:
         """Render a mesh in the camera frame and compare it with the observation.
 
         Parameters
@@ -110,9 +113,7 @@ class DepthComparer:
         vertices : (V, 3) float64
             Camera frame, metres.
         faces : (F, 3) int32
-        band : float
-            Depth difference that counts as a full mismatch, metres (`MatchConfig.score_band`).
         """
-        kernels.score_mesh(vertices, faces, self.observation, band, self.zbuffer, self._sums)
+        kernels.score_mesh(vertices, faces, self.observation, SCORE_BAND_M, self.zbuffer, self._sums)
         score, gap = self._sums[:2].tolist()
         return Comparison(score=score, gap=gap)

@@ -23,6 +23,7 @@ from depth_pose.cli.look import add_to as add_look
 from depth_pose.cli.rooms import add_to as add_rooms
 from depth_pose.cli.run import add_to as add_run
 from depth_pose.cli.scoring import add_to as add_scoring
+from depth_pose.cli.settings import add_to as add_settings
 from depth_pose.cli.simulation import add_to as add_simulation
 from depth_pose.cli.view import add_to as add_view
 from depth_pose.cli.volume import app as volume_app
@@ -76,6 +77,7 @@ def _main(
 
 add_run(app)
 add_info(app)
+add_settings(app)
 add_live(app)
 add_fusion(app)
 add_look(app)

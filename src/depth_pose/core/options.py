@@ -6,11 +6,12 @@ ROS parameters, command-line options and YAML files are generated from them and 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, TypeVar
 
 from depth_pose.core.errors import ConfigError
+from depth_pose.core.removed_options import FORMER_SECTIONS, explain_removed
 
 T = TypeVar("T")
 
@@ -36,7 +37,7 @@ class Option:
     """One setting in the form of a ROS parameter or command-line option."""
 
     name: str
-    default: bool | int | float | str | tuple[float, ...]
+    default: bool | int | float | str
     help: str
     unit: str
     low: float | None
@@ -61,13 +62,13 @@ class Checked:
 
 def _check(owner: str, o: Option) -> None:
     where = f"{owner}.{o.name}"
-    for value in o.default if isinstance(o.default, tuple) else (o.default,):
-        if isinstance(value, float) and value != value:
-            raise ConfigError(f"{where} is NaN; give a number")
-        if o.low is not None and value < o.low:  # type: ignore[operator]
-            raise ConfigError(f"{where} is {value}; the least it may be is {o.low} {o.unit}".rstrip())
-        if o.high is not None and value > o.high:  # type: ignore[operator]
-            raise ConfigError(f"{where} is {value}; the most it may be is {o.high} {o.unit}".rstrip())
+    value = o.default
+    if isinstance(value, float) and value != value:
+        raise ConfigError(f"{where} is NaN; give a number")
+    if o.low is not None and value < o.low:  # type: ignore[operator]
+        raise ConfigError(f"{where} is {value}; the least it may be is {o.low} {o.unit}".rstrip())
+    if o.high is not None and value > o.high:  # type: ignore[operator]
+        raise ConfigError(f"{where} is {value}; the most it may be is {o.high} {o.unit}".rstrip())
     if o.choices and o.default not in o.choices:
         raise ConfigError(f"{where} is {o.default!r}; it is one of {', '.join(o.choices)}")
 
@@ -93,26 +94,30 @@ def from_mapping(config: type[T], values: Mapping[str, Any]) -> T:
 
 
 def _as(kind: type, value: Any, where: str) -> Any:
-    """Convert a value to the type of a setting; whole numbers and sequences are accepted."""
-    if kind is tuple and isinstance(value, Sequence) and not isinstance(value, str):
-        return tuple(_as(float, one, where) for one in value)
+    """Convert a value to the type of a setting; whole numbers are accepted for any number."""
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         try:
             return float(value)
         except OverflowError:
             raise ConfigError(f"{where} is larger than any number of its kind") from None
     if type(value) is not kind:
-        wanted = "a list of numbers" if kind is tuple else f"of type {kind.__name__}"
-        raise ConfigError(f"{where} is {value!r}; it must be {wanted}")
+        raise ConfigError(f"{where} is {value!r}; it must be of type {kind.__name__}")
     return value
 
 
 def _section(name: str, config: type[T], values: Mapping[str, Any]) -> T:
     """Make one section; error messages name the section, as parameter files do."""
+    _refuse_removed(name, set(values) - {o.name for o in options(config)})
     try:
         return from_mapping(config, values)
     except ConfigError as error:
         raise ConfigError(str(error).replace(config.__name__, name)) from None
+
+
+def _refuse_removed(section: str, unknown: Iterable[str]) -> None:
+    reasons = [reason for name in sorted(unknown) if (reason := explain_removed(section, name))]
+    if reasons:
+        raise ConfigError("\n".join(reasons))
 
 
 class Sections:
@@ -123,6 +128,8 @@ class Sections:
         """Make it from nested mappings, ``{"segment": {"near": 0.5}}``; unknown keys are errors."""
         sections: dict[str, Any] = {f.name: type(f.default) for f in fields(cls)}  # type: ignore[arg-type]
         unknown = sorted(set(values) - set(sections))
+        for name in FORMER_SECTIONS.intersection(unknown):
+            _refuse_removed(name, values[name])
         if unknown:
             raise ConfigError(f"no such section: {', '.join(unknown)}; there are {', '.join(sections)}")
         return cls(**{name: _section(name, sections[name], part) for name, part in values.items()})

@@ -31,9 +31,15 @@ from numpy.typing import NDArray
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import DenoiseConfig
 from depth_pose.denoise import _denoise_kernels as kernels
+from depth_pose.denoise.tuning import DenoiseTuning
 
 
-def denoise_points(depth: NDArray[np.float32], camera: Camera, config: DenoiseConfig) -> NDArray[np.float32]:
+def denoise_points(
+    depth: NDArray[np.float32],
+    camera: Camera,
+    config: DenoiseConfig,
+    tuning: DenoiseTuning = DenoiseTuning(),
+) -> NDArray[np.float32]:
     """Return people's points, denoised along their viewing rays (Ye et al. eqs. 2 and 4).
 
     Parameters
@@ -43,6 +49,7 @@ def denoise_points(depth: NDArray[np.float32], camera: Camera, config: DenoiseCo
     camera : Camera
         Camera of the grid.
     config : DenoiseConfig
+    tuning : DenoiseTuning
 
     Returns
     -------
@@ -51,10 +58,15 @@ def denoise_points(depth: NDArray[np.float32], camera: Camera, config: DenoiseCo
     """
     # Ye et al. eq. 2: x and y follow the depth along the pixel's ray
     # Ye et al. eq. 4: also in further iterations, if `denoise.iterations` is above 1
-    return camera.back_project(denoise_depth(depth, camera, config))
+    return camera.back_project(denoise_depth(depth, camera, config, tuning))
 
 
-def denoise_depth(depth: NDArray[np.float32], camera: Camera, config: DenoiseConfig) -> NDArray[np.float32]:
+def denoise_depth(
+    depth: NDArray[np.float32],
+    camera: Camera,
+    config: DenoiseConfig,
+    tuning: DenoiseTuning = DenoiseTuning(),
+) -> NDArray[np.float32]:
     """Smooth the person's depth (Ye et al. eqs. 1 to 5) and drop isolated points.
 
     Parameters
@@ -64,17 +76,18 @@ def denoise_depth(depth: NDArray[np.float32], camera: Camera, config: DenoiseCon
     camera : Camera
         Camera of the grid.
     config : DenoiseConfig
+    tuning : DenoiseTuning
 
     Returns
     -------
     (h, w) float32
         Projected depth, metres; 0 where there was none and where a point was an outlier.
     """
-    h, step = config.support_radius, kernels.step_of(depth, config.support_radius, camera.fx)
+    h, step = tuning.support_radius, kernels.step_of(depth, tuning.support_radius, camera.fx)
     projected = depth
     for k in range(config.iterations):
         if k == 0:
             projected = kernels.project_first(depth, camera, h, step)
         else:
-            projected = kernels.project_next(depth, projected, camera, h, config.repulsion, step)
-    return kernels.drop_outliers(projected, camera, config.outlier_distance)
+            projected = kernels.project_next(depth, projected, camera, h, tuning.repulsion, step)
+    return kernels.drop_outliers(projected, camera, tuning.outlier_distance)

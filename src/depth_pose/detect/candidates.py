@@ -14,6 +14,7 @@ from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
 from depth_pose.detect import _border_kernels as kernels
 from depth_pose.detect.finder import FinderResult, PeopleFinder, TorsoDetection, load_weights
 from depth_pose.detect.planes import PlaneFinder
+from depth_pose.detect.tuning import DetectTuning
 
 
 @dataclass(frozen=True)
@@ -50,15 +51,18 @@ class CandidateFinder:
     config : SegmentConfig
     weights : path, optional
         Folder with a net in place of the packaged one.
+    tuning : DetectTuning
 
     Attributes
     ----------
     finder : PeopleFinder
     """
 
-    def __init__(self, config: SegmentConfig, weights: Path | None = None) -> None:
-        self._config = config
-        self.finder = PeopleFinder(config, *load_weights(weights))
+    def __init__(
+        self, config: SegmentConfig, weights: Path | None = None, tuning: DetectTuning = DetectTuning()
+    ) -> None:
+        self._config, self._tuning = config, tuning
+        self.finder = PeopleFinder(config, *load_weights(weights), tuning)
         self._planes = PlaneFinder()
         self.reset()
 
@@ -123,8 +127,8 @@ class CandidateFinder:
         (h, w) uint8
             Their labels, and `depth_pose.core.types.HIDDEN`.
         """
-        depth, labels, jump = candidates.depth, candidates.labels.copy(), self._config.depth_jump
-        kernels.mark_unsupported(depth, labels, jump, self._config.min_support)
+        depth, labels, jump = candidates.depth, candidates.labels.copy(), self._tuning.depth_jump
+        kernels.mark_unsupported(depth, labels, jump, self._tuning.min_support)
         missing = depth == 0
         if missing.mean() < 1.0 - filled * (1.0 - _CUT_AWAY):
             labels[missing] = HIDDEN
@@ -133,7 +137,7 @@ class CandidateFinder:
 
     def _complete(self, found: FinderResult) -> NDArray[np.uint8]:
         """Add limbs that the net missed."""
-        depth, camera, jump = found.depth, found.camera, self._config.depth_jump
+        depth, camera, jump = found.depth, found.camera, self._tuning.depth_jump
         labels = found.labels.copy()
         if found.people:
             kernels.attach_limbs(depth, labels, found.chance, camera, _HAND)

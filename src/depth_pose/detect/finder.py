@@ -31,6 +31,7 @@ from depth_pose.detect._vote_kernels import claim_pixels
 from depth_pose.detect.clusters import Clusters, VoteGatherer
 from depth_pose.detect.net import open_net, read_weights
 from depth_pose.detect.outline import carry_people, spread
+from depth_pose.detect.tuning import DetectTuning
 from depth_pose.detect.turned import Turned, reduce_frame
 from depth_pose.detect.verifier import Verifier
 
@@ -112,6 +113,7 @@ class PeopleFinder:
         The net (ONNX) in place of the packaged one, with ``settings``.
     settings : mapping, optional
         Settings that belong to the net: its verifier.
+    tuning : DetectTuning
     """
 
     def __init__(
@@ -119,8 +121,9 @@ class PeopleFinder:
         config: SegmentConfig | None = None,
         model: bytes | None = None,
         settings: dict[str, Any] | None = None,
+        tuning: DetectTuning = DetectTuning(),
     ) -> None:
-        self.config = config or SegmentConfig()
+        self.config, self._keep = config or SegmentConfig(), tuning.keep
         if model is None or settings is None:
             model, settings = load_weights()
         self.settings = settings
@@ -164,12 +167,12 @@ class PeopleFinder:
         probability[_is_fringe(found.measures)] = 0.0
         distance = found.torsos[:, 2]
         near_enough = (distance >= self.config.near) & (distance <= self.config.far)
-        likely = (probability >= self.config.keep) & near_enough
+        likely = (probability >= self._keep) & near_enough
         beyond = int(((probability >= self.config.start) & ~near_enough).sum())
         chosen = np.flatnonzero(likely)[np.argsort(distance[likely], kind="stable")]
         number = np.zeros(len(distance) + 1, np.uint8)
         number[chosen + 1] = np.arange(1, len(chosen) + 1)
-        join_parts(found, number, probability < self.config.keep)
+        join_parts(found, number, probability < self._keep)
         net_chance = logistic(mask)
         labels = carry_people(image, number[found.labels], net_chance, depth, camera)
         pixels = np.bincount(labels.ravel(), minlength=len(chosen) + 1)

@@ -24,6 +24,7 @@ from depth_pose.detect.joint_net_schedule import JointNetSchedule
 from depth_pose.detect.mask_propagation import MaskPropagation
 from depth_pose.detect.sample_frame import sample_frame
 from depth_pose.detect.segmentation import Detection, Segmentation
+from depth_pose.detect.tuning import DetectTuning
 
 _CHANGE_M, _MOST_CHANGED, _NEWS = 0.15, 0.4, 0.3
 """Depth change (m) of a pixel that shows something new; share of changed pixels above which the camera moved;
@@ -46,6 +47,7 @@ class LearnedSegmenter:
     config : SegmentConfig
     weights : path, optional
         A folder of nets in place of the packaged ones.
+    tuning : DetectTuning
 
     Attributes
     ----------
@@ -53,12 +55,14 @@ class LearnedSegmenter:
     joint_net : JointNet
     """
 
-    def __init__(self, config: SegmentConfig, weights: Path | None = None) -> None:
-        self.config = config
-        self.candidates = CandidateFinder(config, weights)
+    def __init__(
+        self, config: SegmentConfig, weights: Path | None = None, tuning: DetectTuning = DetectTuning()
+    ) -> None:
+        self.config, self._tuning = config, tuning
+        self.candidates = CandidateFinder(config, weights, tuning)
         self.joint_net: JointNet = VotingNet(weights, config.mirror)
-        self._masks = MaskPropagation(config)
-        self._schedule = JointNetSchedule(config.look_every)
+        self._masks = MaskPropagation(config, tuning)
+        self._schedule = JointNetSchedule(tuning.look_every)
         self._persistence = DetectionPersistence(config.sure)
         self.reset()
 
@@ -92,11 +96,11 @@ class LearnedSegmenter:
             for person, measured in zip(found.people, seen, strict=True)
         ]
         detections = self._persistence.renew(detections, labels, found.depth, frame.stamp_ns)
-        sure = tuple(s for s in detections if s.probability >= self.config.keep)
+        sure = tuple(s for s in detections if s.probability >= self._tuning.keep)
         for thing, measured in zip(detections, seen, strict=True):
             mask = measured.mask
             assert mask is not None, "it was measured in this process"
-            if thing.probability < self.config.keep:
+            if thing.probability < self._tuning.keep:
                 labels[labels == thing.label] = BACKGROUND
                 continue
             if is_returned is not None:
@@ -105,7 +109,7 @@ class LearnedSegmenter:
                 add_and_remove(mask, found.depth, labels, found.camera, thing.label)
         self._masks.keep(found, sure, frame.stamp_ns, labels)
         if detections:  # removed pixels may occlude more of a person
-            mark_nearer(found.depth, labels, found.camera, self.config.depth_jump)
+            mark_nearer(found.depth, labels, found.camera, self._tuning.depth_jump)
         is_person = (labels != BACKGROUND) & (labels != HIDDEN)
         return Segmentation(
             depth=np.where(is_person, found.depth, np.float32(0)),

@@ -3,7 +3,7 @@
 People and rooms move little in a thirtieth of a second. While both nets were confident of all people, every
 pixel of the next frame takes the person of the nearest previous point, and connected new pixels are added to
 the person. If more is new, someone may have come in, and the frame is searched. So is every second frame
-(`SegmentConfig.find_every`), and the first after a gap in the stream. Pixels in which a search finds nobody,
+(`DetectTuning.find_every`), and the first after a gap in the stream. Pixels in which a search finds nobody,
 though they showed a person before, are returned to that person.
 """
 
@@ -23,6 +23,7 @@ from depth_pose.detect._carry_kernels import Before, CarryLimits
 from depth_pose.detect.candidates import Candidates
 from depth_pose.detect.finder import LEAST_PIXELS, TorsoDetection
 from depth_pose.detect.segmentation import Detection
+from depth_pose.detect.tuning import DetectTuning
 
 _LONGEST_NS = 50_000_000
 """Maximum gap (ns) between frames; longer ones increase the error."""
@@ -58,11 +59,12 @@ class MaskPropagation:
     Parameters
     ----------
     config : SegmentConfig
+    tuning : DetectTuning
     """
 
-    def __init__(self, config: SegmentConfig) -> None:
-        self._config = config
-        self._limits = CarryLimits(_MOVED_M, config.depth_jump, _MOVED_PIXELS)
+    def __init__(self, config: SegmentConfig, tuning: DetectTuning = DetectTuning()) -> None:
+        self._config, self._find_every = config, tuning.find_every
+        self._limits = CarryLimits(_MOVED_M, tuning.depth_jump, _MOVED_PIXELS)
         self.reset()
 
     def reset(self) -> None:
@@ -130,7 +132,7 @@ class MaskPropagation:
         self._before = _Before(replace(candidates, labels=labels, people=people), stamp_ns, shown.copy())
 
     def _carry(self, before: _Before, frame: DepthFrame) -> Candidates | None:
-        if self._age >= self._config.find_every or not 0 < frame.stamp_ns - before.stamp_ns <= _LONGEST_NS:
+        if self._age >= self._find_every or not 0 < frame.stamp_ns - before.stamp_ns <= _LONGEST_NS:
             return None
         was = before.candidates
         depth, camera = working_grid.reduce_frame(frame, self._config)

@@ -19,6 +19,7 @@ from depth_pose.detect import _surface_kernels as kernels
 from depth_pose.detect._border_kernels import mark_unsupported
 from depth_pose.detect.planes import PlaneFinder
 from depth_pose.detect.segmentation import Detection, Segmentation
+from depth_pose.detect.tuning import DetectTuning
 from depth_pose.detect.working_grid import reduce_frame
 from depth_pose.detect.working_grid import warm_up as warm_up_grid
 
@@ -44,7 +45,8 @@ _KNOWN = 0.8
 class PlaneSegmenter:
     """Finds one person; remembers the last place, to stay with the person."""
 
-    def __init__(self, config: SegmentConfig) -> None:
+    def __init__(self, config: SegmentConfig, tuning: DetectTuning = DetectTuning()) -> None:
+        self._tuning = tuning
         self.config = config
         self._planes = PlaneFinder()
         self._last_box: NDArray[np.float64] | None = None
@@ -81,7 +83,7 @@ class PlaneSegmenter:
         foreground = (depth > 0) & ~planes
         person = self._find_person(depth, points, foreground, camera)
         own = person.astype(np.uint8)
-        mark_unsupported(depth, own, config.depth_jump, config.min_support)
+        mark_unsupported(depth, own, self._tuning.depth_jump, self._tuning.min_support)
         person = own == PERSON
 
         labels = np.full(depth.shape, BACKGROUND, np.uint8)
@@ -92,7 +94,7 @@ class PlaneSegmenter:
             if missing.mean() < 1.0 - 0.5 * frame.filled:  # otherwise the recording's background was removed
                 labels[missing] = HIDDEN
             labels[person] = PERSON
-            kernels.mark_mixed(depth, labels, PERSON, HIDDEN, 2.0 * config.depth_jump)
+            kernels.mark_mixed(depth, labels, PERSON, HIDDEN, 2.0 * self._tuning.depth_jump)
         return Segmentation(
             depth=np.where(person, depth, np.float32(0)),
             labels=labels,
@@ -108,7 +110,7 @@ class PlaneSegmenter:
         camera: Camera,
     ) -> NDArray[np.bool_]:
         """Choose the surfaces that belong to the person."""
-        labels, count = kernels.label_components(depth, foreground, self.config.depth_jump)
+        labels, count = kernels.label_components(depth, foreground, self._tuning.depth_jump)
         if count == 0:
             self._last_box = None
             return np.zeros(depth.shape, np.bool_)
@@ -118,7 +120,7 @@ class PlaneSegmenter:
         fits = (
             (area >= _PERSON_AREA_M2[0])
             & (area <= _PERSON_AREA_M2[1])
-            & (extent.max(axis=1) >= self.config.min_height)
+            & (extent.max(axis=1) >= self._tuning.min_height)
             & (extent.max(axis=1) <= _PERSON_EXTENT_M)
         )
         if not fits.any():

@@ -9,6 +9,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import DepthFrame
 from depth_pose.detect import _reduce_kernels as kernels
+from depth_pose.detect.tuning import DetectTuning
 
 
 def reduce_camera(camera: Camera, stride: int) -> Camera:
@@ -23,7 +24,9 @@ def reduce_camera(camera: Camera, stride: int) -> Camera:
     )
 
 
-def reduce_frame(frame: DepthFrame, config: SegmentConfig) -> tuple[NDArray[np.float32], Camera]:
+def reduce_frame(
+    frame: DepthFrame, config: SegmentConfig, tuning: DetectTuning = DetectTuning()
+) -> tuple[NDArray[np.float32], Camera]:
     """Reduce a frame to the working grid.
 
     Returns
@@ -35,7 +38,7 @@ def reduce_frame(frame: DepthFrame, config: SegmentConfig) -> tuple[NDArray[np.f
     stride = max(1, round(frame.camera.height / config.working_height))
     if stride == 1:
         return kernels.clip_depth(frame.depth, config.near, config.far), frame.camera
-    depth = kernels.reduce_depth(frame.depth, stride, config.depth_jump, config.near, config.far)
+    depth = kernels.reduce_depth(frame.depth, stride, tuning.depth_jump, config.near, config.far)
     return depth, reduce_camera(frame.camera, stride)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from depth_pose.bank.bank import Bank
 from depth_pose.body.rendered_depth import render_depth
-from depth_pose.core.config import MatchConfig, PipelineConfig
+from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import JOINT_NODES
 from depth_pose.core.types import DepthFrame, PoseMatch
@@ -19,9 +19,11 @@ from depth_pose.evaluate.bank_sheet import draw_depth
 from depth_pose.evaluate.pictures import plain_text, save_picture
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.match.match import match_confidence
+from depth_pose.match.tuning import MatchTuning
 from depth_pose.perception import Perception
 from depth_pose.stages import Shared
 from depth_pose.track.person_view import FramePeople
+from depth_pose.tuning import Tuning
 
 _FRAMES_BEFORE = 2
 """Number of frames before the shown one, used to estimate the person's size."""
@@ -94,7 +96,7 @@ def match_frames(
     """
     config = PipelineConfig()
     perception = Perception(config.segment, config.denoise)
-    matcher = Shared(bank, PipelineConfig(match=MatchConfig(keep=candidates, search_every=1))).make_matcher()
+    matcher = Shared(bank, tuning=Tuning(match=MatchTuning(keep=candidates, search_every=1))).make_matcher()
     found = []
     for number, frame, shown in _near_chosen(DepthReader(recording, depth_topic), frames):
         people = perception.perceive(frame)

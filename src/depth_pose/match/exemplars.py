@@ -16,7 +16,6 @@ from depth_pose.bank.bank import Bank
 from depth_pose.bank.canonical import describe
 from depth_pose.bank.views import AXES
 from depth_pose.body.pose import BodyPose
-from depth_pose.core.config import MatchConfig
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINT_NODES, NODE_INDEX, NODES
 from depth_pose.core.types import Candidate
@@ -31,6 +30,7 @@ from depth_pose.match.placing import (
 )
 from depth_pose.match.proposed_exemplars import ProposedExemplars
 from depth_pose.match.search import SubspaceSearch
+from depth_pose.match.tuning import MatchTuning
 from depth_pose.match.upright_exemplars import UprightExemplars, head_axes
 from depth_pose.track.person_view import PersonView
 
@@ -58,15 +58,15 @@ class ExemplarSource:
     Parameters
     ----------
     bank : Bank
-    config : MatchConfig
+    tuning : MatchTuning
     """
 
-    def __init__(self, bank: Bank, config: MatchConfig) -> None:
+    def __init__(self, bank: Bank, tuning: MatchTuning = MatchTuning()) -> None:
         self.bank = bank
-        self.config = config
+        self.tuning = tuning
         self._search = SubspaceSearch(bank.coefficients.reshape(-1, bank.coefficients.shape[-1]))
         self._views = ExemplarViews(np.arange(bank.poses), bank.view_quats, bank.view_origins)
-        self._renderer = ExemplarRenderer(bank, config.score_band)
+        self._renderer = ExemplarRenderer(bank)
         self._upright = UprightExemplars(bank)
         self._proposed = ProposedExemplars(bank)
 
@@ -76,7 +76,7 @@ class ExemplarSource:
 
     def find(self, person: PersonView, scale: float) -> Placed:
         """Return the exemplars that agree best at a size, ranked."""
-        return self.compare_finely(person, scale, self.compare_roughly(person, scale, self.config.shortlist))
+        return self.compare_finely(person, scale, self.compare_roughly(person, scale, self.tuning.shortlist))
 
     def pose(self, placed: Placed, row: int, scale: float) -> BodyPose:
         """Return the pose of one placed exemplar in the camera frame."""
@@ -136,9 +136,9 @@ class ExemplarSource:
         rows = keep_different(placed.nodes, _SAME_POSE_M, len(placed.scores))
         across, is_close = _across(placed.nodes), placed.scores < placed.scores[0] + _NEARLY
         is_turned = is_close & (across @ across[0] < 0.0)
-        kept = _with_facing(rows, self.config.keep, is_turned)
+        kept = _with_facing(rows, self.tuning.keep, is_turned)
         others = rows[~np.isin(rows, kept)]
-        kept = _with_facing(np.append(kept, others), self.config.keep, _faces_alike(placed, measured))
+        kept = _with_facing(np.append(kept, others), self.tuning.keep, _faces_alike(placed, measured))
         return tuple(
             Candidate(
                 exemplar=int(placed.exemplars[k]),

@@ -10,12 +10,12 @@ from __future__ import annotations
 import numpy as np
 
 from depth_pose.bank.bank import Bank
-from depth_pose.core.config import MatchConfig
 from depth_pose.core.odds import logistic
 from depth_pose.core.types import PoseMatch
 from depth_pose.match import turns
 from depth_pose.match.exemplars import ExemplarSource
 from depth_pose.match.scale import SCALES, SizeFinder, Trial
+from depth_pose.match.tuning import MatchTuning
 from depth_pose.track.person_view import FramePeople, PersonView
 from depth_pose.track.sample_people import sample_people
 from depth_pose.track.state import PersonState, PersonStates, SizeSearch
@@ -40,11 +40,13 @@ class Matcher:
     Parameters
     ----------
     bank : Bank
-    config : MatchConfig
     trial : Trial
         Short fits of the bank's body, which compare sizes.
     states : PersonStates, optional
         States of all tracks, shared with the other stages of a process.
+    scale : float
+        Size of every person relative to a 1.75 m adult; 0: estimated.
+    tuning : MatchTuning
 
     Attributes
     ----------
@@ -54,13 +56,18 @@ class Matcher:
     """
 
     def __init__(
-        self, bank: Bank, config: MatchConfig, trial: Trial, states: PersonStates | None = None
+        self,
+        bank: Bank,
+        trial: Trial,
+        states: PersonStates | None = None,
+        scale: float = 0.0,
+        tuning: MatchTuning = MatchTuning(),
     ) -> None:
         self.bank = bank
-        self.config = config
-        self.exemplars = ExemplarSource(bank, config)
+        self.tuning = tuning
+        self.exemplars = ExemplarSource(bank, tuning)
         self.time_budget = TimeBudget()
-        self._sizes = SizeFinder(config, trial)
+        self._sizes = SizeFinder(trial, scale, tuning.scale_frames)
         self._states = states or PersonStates()
 
     def reset(self) -> None:
@@ -94,7 +101,7 @@ class Matcher:
 
     def estimate(self, state: PersonState, person: PersonView) -> tuple[PersonState, PoseMatch]:
         """Find the exemplars nearest to one person, by a new search or carried along."""
-        every, sizes = self.config.search_every, self._sizes
+        every, sizes = self.tuning.search_every, self._sizes
         search = sizes.watch(state.shape.search, person)
         if sizes.is_known(search):
             schedule, is_due = turns.count_frame(state.schedule, person, every)
@@ -116,7 +123,7 @@ class Matcher:
 
     def _begin_size(self, search: SizeSearch, person: PersonView) -> SizeSearch:
         """Compare sizes in a person's first frame, by the exemplars that match best at a few of them."""
-        few, source = max(4, self.config.shortlist // 4), self.exemplars
+        few, source = max(4, self.tuning.shortlist // 4), self.exemplars
         sizes = _first_sizes(source.measured_size(person))
         tried = [(s, source.compare_roughly(person, s, few)) for s in sizes]
         scale, rough = min(tried, key=lambda t: float(t[1].scores.min()))

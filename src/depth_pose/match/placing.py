@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from depth_pose.bank.bank import Bank
 from depth_pose.bank.canonical import CanonicalAxes
 from depth_pose.body.coarsen import coarsen
-from depth_pose.body.rendered_depth import Observation
+from depth_pose.body.rendered_depth import SCORE_BAND_M, Observation
 from depth_pose.core.skeleton import NODE_PARENTS
 from depth_pose.match import _match_kernels as kernels
 from depth_pose.match.search import Nearest
@@ -129,10 +129,9 @@ def join(parts: Sequence[Placed]) -> Placed:
 class ExemplarRenderer:
     """Renders a bank's exemplars with a coarse body, and scores them."""
 
-    def __init__(self, bank: Bank, band: float) -> None:
+    def __init__(self, bank: Bank) -> None:
         self._quats = bank.pose_quats
         self._skin = coarsen(bank.body, COARSE_VERTICES).skin
-        self._band = band
 
     def compare(self, placed: Placed, scale: float, observed: Observation) -> Placed:
         """Score exemplars where they are placed, and estimate their offsets."""
@@ -141,5 +140,5 @@ class ExemplarRenderer:
             shifts=np.empty_like(placed.shifts),
             nodes=np.empty_like(placed.nodes),
         )
-        kernels.score(compared, self._quats, self._skin, scale, observed, self._band)
+        kernels.score(compared, self._quats, self._skin, scale, observed, SCORE_BAND_M)
         return compared

@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from depth_pose.body.pose import BodyPose
-from depth_pose.core.config import MatchConfig
+from depth_pose.match.tuning import MatchTuning
 from depth_pose.track.person_view import PersonView
 from depth_pose.track.state import SizeSearch
 
@@ -53,25 +53,28 @@ class SizeFinder:
 
     Parameters
     ----------
-    config : MatchConfig
     trial : Trial
+    scale : float
+        The configured size; 0: estimated.
+    frames : int
+        Number of frames from which a size is estimated before it is held.
     """
 
-    def __init__(self, config: MatchConfig, trial: Trial) -> None:
-        self._config, self._trial = config, trial
+    def __init__(self, trial: Trial, scale: float = 0.0, frames: int = MatchTuning().scale_frames) -> None:
+        self._trial, self._given, self._frames = trial, scale, frames
 
     def is_known(self, search: SizeSearch) -> bool:
         """Check that the size is configured, or estimated and held."""
-        return self._config.scale > 0.0 or search.frames >= self._config.scale_frames
+        return self._given > 0.0 or search.frames >= self._frames
 
     def is_begun(self, search: SizeSearch) -> bool:
         """Check that the size is configured, or that a first frame was compared."""
-        return self._config.scale > 0.0 or search.frames > 0
+        return self._given > 0.0 or search.frames > 0
 
     def scale(self, search: SizeSearch) -> float:
         """Return the configured size, or the one with the least score, by a parabola near the minimum."""
-        if self._config.scale > 0.0:
-            return self._config.scale
+        if self._given > 0.0:
+            return self._given
         k, counts = search.at, search.counts
         if k == 0 or k == len(SCALES) - 1 or min(counts[k - 1], counts[k]) == 0:
             return float(SCALES[k])

@@ -32,7 +32,6 @@ class DriftSettings(NamedTuple):
     stiffness: float
     sigma2: float
     floor2: float
-    cooling: float
     outlier_factor: float
     tolerance: float
     most: int
@@ -231,7 +230,7 @@ def drift(source: Any, target: Any, basis: Any, settings: Any, moved: Any, p1: A
             farthest = max(farthest, size)
         iterations += 1
         last = sigma2
-        sigma2 = min(sigma2 * settings.cooling, max(settings.floor2, squares / (3.0 * explained)))
+        sigma2 = min(sigma2, max(settings.floor2, squares / (3.0 * explained)))
         sigma2 = max(sigma2, settings.floor2)
         if farthest < settings.tolerance * settings.tolerance and last - sigma2 < _STILL * last:
             break

@@ -17,13 +17,13 @@ from depth_pose.body.body import Body, PosedBody
 from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.body.rendered_depth import Observation, render_depth
 from depth_pose.core.camera import Camera
-from depth_pose.core.config import CompletionConfig, CpdConfig
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import NODES, Nodes
 from depth_pose.paper.coherence import geodesic_basis
 from depth_pose.paper.cpd import register
 from depth_pose.paper.laplacian import LaplacianCompleter
 from depth_pose.paper.rigid import JointTransfer
+from depth_pose.paper.tuning import CompletionTuning, CpdTuning
 from depth_pose.refine import _visibility_kernels as visibility
 from depth_pose.refine.skeleton_pose import pose_from_nodes
 
@@ -34,12 +34,11 @@ class MeshCompleter:
     """Completes meshes of one body; all data that is constant between frames is prepared here."""
 
     def __init__(
-        self, body: Body, config: CompletionConfig | None = None, cpd: CpdConfig | None = None
+        self, body: Body, tuning: CompletionTuning = CompletionTuning(), cpd: CpdTuning = CpdTuning()
     ) -> None:
         self.body = body
-        self.config = config or CompletionConfig()
-        self._cpd = cpd or CpdConfig()
-        self._basis = geodesic_basis(body.vertices, body.faces, self._cpd.basis_points, self._cpd.beta)
+        self.tuning, self.cpd = tuning, cpd
+        self._basis = geodesic_basis(body.vertices, body.faces, self.cpd.basis_points, self.cpd.beta)
         self._laplacian = LaplacianCompleter(body.vertices, body.faces)
         self._transfer = JointTransfer(body)
 
@@ -70,27 +69,26 @@ class MeshCompleter:
         FittedBody
         """
         found = self._deform(points, coarse, start)
-        for _ in range(1, self.config.passes):
+        for _ in range(1, self.tuning.passes):
             pose = pose_from_nodes(self.body, found.pose.rotations, found.nodes, start.scale)
             found = self._deform(points, coarse, pose)
         return found
 
     def _deform(self, points: Array, coarse: Observation, start: BodyPose) -> FittedBody:
         """Register, complete and transfer the joints, once."""
-        c = self.config
+        t = self.tuning
         posed = self.body.pose(start.rotations, start.root, start.scale)
         facing = self.visible(posed, start.rotations, coarse)
         visible = np.flatnonzero(facing > 0.0)
         if len(visible) == 0:
             return FittedBody(start, posed.vertices, posed.nodes)
-        if len(visible) > c.max_vertices:
-            visible = visible[np.arange(c.max_vertices) * len(visible) // c.max_vertices]
-        basis = self._basis[visible] if c.geodesic else None
-        found = register(posed.vertices[visible], points, self._cpd, basis)
+        if len(visible) > t.max_vertices:
+            visible = visible[np.arange(t.max_vertices) * len(visible) // t.max_vertices]
+        found = register(posed.vertices[visible], points, self.cpd, self._basis[visible])
         targets, weights = posed.vertices.copy(), np.zeros(len(posed.vertices))
         targets[visible] = found.moved
-        sure = (found.probability > c.min_probability) & (facing[visible] > c.min_facing)
-        weights[visible] = c.weight * sure
+        sure = (found.probability > t.min_probability) & (facing[visible] > t.min_facing)
+        weights[visible] = t.weight * sure
         return self.complete(start, posed, targets, weights)
 
     def complete(self, pose: BodyPose, posed: PosedBody, targets: Array, weights: Array) -> FittedBody:
@@ -135,7 +133,7 @@ class MeshCompleter:
         seen = np.empty(len(posed.vertices), np.bool_)
         zbuffer = render_depth(posed.vertices, self.body.faces, coarse.camera)
         visibility.turn_normals(self.body.normals, self.body.skin.influence, rotations, normals)
-        tolerance = self.config.visible_tolerance
+        tolerance = self.tuning.visible_tolerance
         visibility.mark_visible(posed.vertices, normals, zbuffer, coarse.camera, tolerance, seen)
         cosine = -np.einsum("ij,ij->i", normals, posed.vertices) / np.linalg.norm(posed.vertices, axis=1)
         return np.where(seen, cosine, 0.0)

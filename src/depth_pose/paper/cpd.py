@@ -35,10 +35,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.core.config import CpdConfig
 from depth_pose.core.errors import InputError
 from depth_pose.core.farthest_points import farthest_rows
 from depth_pose.paper import _cpd_kernels as kernels
+from depth_pose.paper.tuning import CpdTuning
 
 Array = NDArray[np.float64]
 
@@ -75,7 +75,7 @@ class CpdResult:
 
 
 def register(
-    source: Array, target: Array, config: CpdConfig | None = None, basis: Array | None = None
+    source: Array, target: Array, tuning: CpdTuning = CpdTuning(), basis: Array | None = None
 ) -> CpdResult:
     """Move source points onto target points, coherently.
 
@@ -85,7 +85,7 @@ def register(
         Points to move, metres.
     target : (N, 3) float64
         Points to reach, metres, in the same frame.
-    config : CpdConfig, optional
+    tuning : CpdTuning
     basis : (M, K) float64, optional
         Basis of displacement fields (`euclidean_basis` of the source if not given).
 
@@ -98,24 +98,22 @@ def register(
     InputError
         If an array has the wrong shape, is empty, or is not finite.
     """
-    config = config or CpdConfig()
     source, target = _points(source, "source"), _points(target, "target")
     if basis is None:
-        basis = euclidean_basis(source, config.basis_points, config.beta)
+        basis = euclidean_basis(source, tuning.basis_points, tuning.beta)
     elif basis.ndim != 2 or len(basis) != len(source):
         raise InputError(f"the basis has shape {basis.shape}, not ({len(source)}, K)")
     origin = target.mean(axis=0)
     moved, residual = np.empty_like(source), np.empty_like(source)
     p1 = np.empty(len(source))
-    w = config.outlier_weight
+    w = tuning.outlier_weight
     settings = kernels.DriftSettings(
-        stiffness=float(config.stiffness),
-        sigma2=float(config.sigma_start) ** 2,
-        floor2=float(config.sigma_floor) ** 2,
-        cooling=float(config.cooling),
+        stiffness=float(tuning.stiffness),
+        sigma2=float(tuning.sigma_start) ** 2,
+        floor2=float(tuning.sigma_floor) ** 2,
         outlier_factor=float(w / (1 - w) * len(source) / len(target)),
-        tolerance=float(config.tolerance),
-        most=config.max_iterations,
+        tolerance=float(tuning.tolerance),
+        most=tuning.max_iterations,
     )
     sigma2, explained, iterations = kernels.drift(
         source - origin,

@@ -40,5 +40,5 @@ class CompletionFitter:
 
     def fit_to(self, person: PersonView, build: NDArray[np.float32]) -> FrameFit:
         """Prepare the fits of a build (13,) to one frame."""
-        points = thin(person.points, self._completer.config.max_points)
+        points = thin(person.points, self._completer.tuning.max_points)
         return _CompletionFit(self._completer.of(self._space.body(build)), points, person)

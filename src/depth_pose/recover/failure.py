@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from depth_pose.body.angles import ANGLES, HANG
 from depth_pose.body.body import Body
 from depth_pose.body.pose import Fitted
-from depth_pose.core.config import RecoverConfig
 from depth_pose.core.rotations import rotation_y
 from depth_pose.core.skeleton import BONES, JOINT_NODES, JOINTS, NODE_INDEX
 from depth_pose.recover import _failure_kernels as kernels
 from depth_pose.recover.confidence import fit_confidence
+from depth_pose.recover.tuning import RecoverTuning
 from depth_pose.refine.skeleton_pose import pose_from_nodes
 from depth_pose.track.state import Answer
 
@@ -126,9 +126,9 @@ def judge(failure: Failure | None, answer: Answer, *, is_over: bool, is_hopeless
 class FailureCheck:
     """Checks the skeletons of one body."""
 
-    def __init__(self, body: Body, config: RecoverConfig) -> None:
+    def __init__(self, body: Body, min_confidence: float, tuning: RecoverTuning = RecoverTuning()) -> None:
         self.body = body
-        self.config = config
+        self.min_confidence, self.tuning = min_confidence, tuning
         self._own_bones = bone_lengths(body.nodes[JOINT_NODES])
 
     def find(self, fitted: Fitted, good: Fitted | None, before: Fitted | None) -> Failure | None:
@@ -158,9 +158,9 @@ class FailureCheck:
 
     def _changed_bone(self, fitted: Fitted, good: Fitted | None) -> Failure | None:
         if good is None:
-            before, allowed = self._own_bones, _UNKNOWN_PERSON * self.config.bone_change
+            before, allowed = self._own_bones, _UNKNOWN_PERSON * self.tuning.bone_change
         else:
-            before, allowed = bone_lengths(good.joints) / good.pose.scale, self.config.bone_change
+            before, allowed = bone_lengths(good.joints) / good.pose.scale, self.tuning.bone_change
         scale = fitted.pose.scale
         now = bone_lengths(fitted.joints) / scale
         change = np.abs(now / before - 1.0)
@@ -178,12 +178,12 @@ class FailureCheck:
     def _bent_too_far(self, fitted: Fitted) -> Failure | None:
         excess = limit_excess(self.body, fitted)
         a = int(np.argmax(excess))
-        if excess[a] <= self.config.angle_excess:
+        if excess[a] <= self.tuning.angle_excess:
             return None
         return Failure(
             "joint_angle",
             f"{ANGLES[a]} is {excess[a]:.0f} degrees beyond its limit "
-            f"(angle_excess allows {self.config.angle_excess:.0f})",
+            f"(angle_excess allows {self.tuning.angle_excess:.0f})",
         )
 
     def _jumped(self, fitted: Fitted, before: Fitted | None) -> Failure | None:
@@ -191,7 +191,7 @@ class FailureCheck:
             return None
         seconds = (fitted.stamp_ns - before.stamp_ns) * 1e-9
         way = np.linalg.norm(fitted.joints - before.joints, axis=1)
-        allowed = _JUMP_M + self.config.joint_speed * seconds
+        allowed = _JUMP_M + self.tuning.joint_speed * seconds
         j = int(np.argmax(way))
         if way[j] <= allowed:
             return None
@@ -201,21 +201,21 @@ class FailureCheck:
         )
 
     def _fits_worse(self, fitted: Fitted, good: Fitted | None) -> Failure | None:
-        if good is None or fitted.score - good.score <= self.config.score_rise:
+        if good is None or fitted.score - good.score <= self.tuning.score_rise:
             return None
         return Failure(
             "worse_fit",
             f"the disagreement with the input went from {good.score:.2f} to {fitted.score:.2f} "
-            f"(score_rise allows {self.config.score_rise:.2f})",
+            f"(score_rise allows {self.tuning.score_rise:.2f})",
         )
 
     def _unsure(self, fitted: Fitted) -> Failure | None:
         confidence = fit_confidence(fitted.score)
-        if confidence >= self.config.min_confidence:
+        if confidence >= self.min_confidence:
             return None
         return Failure(
             "low_confidence",
-            f"confidence {confidence:.2f} is below min_confidence {self.config.min_confidence:.2f}",
+            f"confidence {confidence:.2f} is below min_confidence {self.min_confidence:.2f}",
         )
 
 

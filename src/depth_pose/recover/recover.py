@@ -34,6 +34,7 @@ from depth_pose.recover.other_view import renew_sides
 from depth_pose.recover.published import is_doubtful, is_hopeless, is_published, renew_standing
 from depth_pose.recover.report import TRUST, to_skeleton
 from depth_pose.recover.smooth import low_pass
+from depth_pose.recover.tuning import RecoverTuning
 from depth_pose.refine.body_fitter import BodyFitter
 from depth_pose.refine.hypotheses import Hypothesis, ScoredFit
 from depth_pose.refine.objective import Objective
@@ -76,6 +77,7 @@ class Recoverer:
         States of all tracks, shared with the other stages of a process.
     clouds : CloudTracker, optional
         Registers clouds; with the method ``cpd``.
+    tuning : RecoverTuning
 
     Attributes
     ----------
@@ -98,15 +100,16 @@ class Recoverer:
         objective: Objective,
         states: PersonStates | None = None,
         clouds: CloudTracker | None = None,
+        tuning: RecoverTuning = RecoverTuning(),
     ) -> None:
         self.bank = bank
-        self.config = recover
+        self.config, self.tuning = recover, tuning
         self._smooth = smooth
         self._bodies = bodies
         self._objective = objective
         self._states = states or PersonStates()
         self._clouds = clouds
-        self._check = FailureCheck(bank.body, recover)
+        self._check = FailureCheck(bank.body, recover.min_confidence, tuning)
         self.failures: Counter[str] = Counter(dict.fromkeys(KINDS, 0))
         self.recoveries = 0
         self.doubtful = 0
@@ -165,7 +168,7 @@ class Recoverer:
         self, state: PersonState, person: PersonView, fitted: Fitted
     ) -> tuple[PersonState, Skeleton | None]:
         """Build the skeleton of one person; return the person's new state, and the skeleton if published."""
-        state, accepted = self._accept(state, person, fitted) if self.config.enabled else (state, fitted)
+        state, accepted = self._accept(state, person, fitted) if self.tuning.enabled else (state, fitted)
         answer, is_refused = accepted or fitted, accepted is None
         if answer.is_lost:
             return state.lost(), None

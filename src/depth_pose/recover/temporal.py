@@ -7,8 +7,6 @@ by Laplacian completion (Ye et al. eq. 7), and the joints by their control verti
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,10 +14,10 @@ from depth_pose.body.body import Body
 from depth_pose.body.build import build_space
 from depth_pose.body.pose import BodyPose, Fitted, FittedBody
 from depth_pose.body.rendered_depth import Observation
-from depth_pose.core.config import CpdConfig, TemporalConfig
 from depth_pose.paper import _cpd_kernels as kernels
 from depth_pose.paper.completion import MeshCompleter
 from depth_pose.paper.cpd import register
+from depth_pose.recover.tuning import TemporalTuning
 from depth_pose.track.person_view import PersonView, thin
 
 Array = NDArray[np.float64]
@@ -32,13 +30,11 @@ _MAX_POINTS = 450
 class TemporalCarrier:
     """Carries the body of a completer from frame to frame."""
 
-    def __init__(
-        self, completer: MeshCompleter, config: TemporalConfig | None = None, cpd: CpdConfig | None = None
-    ) -> None:
+    def __init__(self, completer: MeshCompleter, tuning: TemporalTuning = TemporalTuning()) -> None:
         self._completer = completer
         self._space = build_space(completer.body)
-        self.config = config or TemporalConfig()
-        self._cpd = replace(cpd or CpdConfig(), beta=self.config.beta, stiffness=self.config.stiffness)
+        self.tuning = tuning
+        self._cpd = completer.cpd._replace(beta=tuning.beta, stiffness=tuning.stiffness)
 
     def carry(self, before: PersonView, now: PersonView, last: Fitted) -> BodyPose:
         """Carry the body of frame t-1 to frame t.
@@ -79,13 +75,13 @@ class TemporalCarrier:
         FittedBody
             The body at t; unchanged if no vertex was visible.
         """
-        c, completer = self.config, self._completer.of(body)
+        completer = self._completer.of(body)
         found = register(before, now, self._cpd)
         posed = body.pose(pose.rotations, pose.root, pose.scale)
         facing = completer.visible(posed, pose.rotations, coarse_before)
-        visible = np.flatnonzero(facing > completer.config.min_facing)
+        visible = np.flatnonzero(facing > completer.tuning.min_facing)
         targets, weights = posed.vertices.copy(), np.zeros(len(posed.vertices))
         seen, mass = posed.vertices[visible], np.empty(len(visible))
-        kernels.follow(seen, before, found.moved, found.probability, c.reach, seen, mass)
-        targets[visible], weights[visible] = seen, c.weight * np.minimum(mass, 1.0)
+        kernels.follow(seen, before, found.moved, found.probability, self.tuning.reach, seen, mass)
+        targets[visible], weights[visible] = seen, completer.tuning.weight * np.minimum(mass, 1.0)
         return completer.complete(pose, posed, targets, weights)

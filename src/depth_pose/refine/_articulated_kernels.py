@@ -32,7 +32,7 @@ _THIN = 3
 """Stride of the points in coarse iterations; set by hand."""
 
 USUAL_POINTS = 800.0
-"""Number of points for which the weights are given (`FitConfig.max_points`); weights scale with the
+"""Number of points for which the weights are given (`FitTuning.max_points`); weights scale with the
 number."""
 
 _BEHIND_M = 0.05
@@ -54,7 +54,7 @@ quarter; set by hand."""
 
 
 class Settings(NamedTuple):
-    """Values of `depth_pose.core.config.FitConfig`, by the same names; ``root_prior`` is 0."""
+    """Values of `depth_pose.refine.tuning.FitTuning`, by the same names; ``root_prior`` is 0."""
 
     coarse_sigma: float
     outlier: float

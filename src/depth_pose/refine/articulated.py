@@ -49,10 +49,10 @@ from numpy.typing import NDArray
 from depth_pose.body.body import Body
 from depth_pose.body.feet import find_balls, find_heels, heel_vertices
 from depth_pose.body.pose import BodyPose
-from depth_pose.core.config import FitConfig
 from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS, NODES
 from depth_pose.refine import _articulated_kernels as kernels
 from depth_pose.refine._tree_kernels import Articulation, Feet
+from depth_pose.refine.tuning import FitTuning
 from depth_pose.track.target import FitTarget
 
 _STIFFNESS: dict[str, float] = {
@@ -118,11 +118,11 @@ class FitResult(NamedTuple):
 class ArticulatedFitter:
     """Fits one body; all data that is constant between frames is prepared here."""
 
-    def __init__(self, body: Body, config: FitConfig | None = None) -> None:
+    def __init__(self, body: Body, tuning: FitTuning = FitTuning()) -> None:
         self.body = body
-        self.config = config or FitConfig()
+        self.tuning = tuning
         self.articulation = articulate(body, _STIFFNESS, _NEUTRAL)
-        numbers = {n: float(getattr(self.config, n)) for n in kernels.Settings._fields if n != "root_prior"}
+        numbers = {n: float(getattr(self.tuning, n)) for n in kernels.Settings._fields if n != "root_prior"}
         self.settings = kernels.Settings(root_prior=0.0, **numbers)
 
     def of(self, body: Body) -> ArticulatedFitter:
@@ -148,7 +148,7 @@ class ArticulatedFitter:
         -------
         FitResult
         """
-        levels = np.array(self.config.sigmas if sigmas is None else sigmas)
+        levels = np.array(self.tuning.sigmas if sigmas is None else sigmas)
         rotations, root = start.rotations.copy(), start.root.copy()
         cost, matrix, step = kernels.fit(
             target, self.articulation, self.settings, levels, start.scale, rotations, root

@@ -12,8 +12,8 @@ from depth_pose.body.body import Body
 from depth_pose.body.build import BuildSpace, build_space
 from depth_pose.body.coarsen import coarsen
 from depth_pose.body.pose import BodyPose, FittedBody
-from depth_pose.core.config import FittingConfig
 from depth_pose.refine.articulated import ArticulatedFitter
+from depth_pose.refine.tuning import FitTuning
 from depth_pose.track.person_view import PersonView
 from depth_pose.track.target import FitTarget
 
@@ -48,13 +48,13 @@ class _ArticulatedFit:
     target: FitTarget
 
     def glance(self, start: BodyPose) -> FittedBody:
-        return self._posed(self.coarse.fit(self.target, start, self.coarse.config.glance).pose)
+        return self._posed(self.coarse.fit(self.target, start, self.coarse.tuning.glance).pose)
 
     def rough(self, start: BodyPose) -> FittedBody:
-        return self._posed(self.coarse.fit(self.target, start, self.coarse.config.rough).pose)
+        return self._posed(self.coarse.fit(self.target, start, self.coarse.tuning.rough).pose)
 
     def finish(self, fitted: FittedBody) -> FittedBody:
-        return self._posed(self.fine.fit(self.target, fitted.pose, self.fine.config.fine).pose)
+        return self._posed(self.fine.fit(self.target, fitted.pose, self.fine.tuning.fine).pose)
 
     def _posed(self, pose: BodyPose) -> FittedBody:
         posed = self.fine.body.pose(pose.rotations, pose.root, pose.scale)
@@ -68,19 +68,19 @@ class BodyFitter:
 
     Attributes
     ----------
-    config : FittingConfig
+    tuning : FitTuning
     space : BuildSpace
         All builds of the body.
     template : ArticulatedFitter
         The fitter of the unchanged body.
     """
 
-    def __init__(self, body: Body, config: FittingConfig | None = None) -> None:
-        self.config = config or FittingConfig()
+    def __init__(self, body: Body, tuning: FitTuning = FitTuning()) -> None:
+        self.tuning = tuning
         self.space = build_space(body)
-        self.template = ArticulatedFitter(body, self.config.fit)
+        self.template = ArticulatedFitter(body, tuning)
         self._few = BuildSpace(coarsen(body, _VERTICES))
-        self._coarse = ArticulatedFitter(self._few.template, self.config.fit)
+        self._coarse = ArticulatedFitter(self._few.template, tuning)
 
     def of(self, build: NDArray[np.float32]) -> ArticulatedFitter:
         """Return the fitter of one build (13,)."""
@@ -88,7 +88,7 @@ class BodyFitter:
 
     def target(self, person: PersonView) -> FitTarget:
         """Return the data that a person's body is fitted to."""
-        return person.target(self.config.fit.max_points)
+        return person.target(self.tuning.max_points)
 
     def fit_to(self, person: PersonView, build: NDArray[np.float32]) -> FrameFit:
         """Prepare the fits of a build (13,) to one frame."""

@@ -9,10 +9,11 @@ from __future__ import annotations
 from depth_pose.body.build import BuildSpace
 from depth_pose.body.build_file import KnownBuild, load_build
 from depth_pose.body.pose import FittedBody
-from depth_pose.core.config import FitConfig, PersonalConfig
+from depth_pose.core.config import PersonalConfig
 from depth_pose.refine.personal import BuildEvidence, PersonalBuilds, Proposed, is_due
 from depth_pose.refine.proposed_bones import measure_bones
 from depth_pose.refine.proposed_depth import TrunkSkin
+from depth_pose.refine.tuning import BuildTuning, FitTuning
 from depth_pose.refine.upright_stance import find_standing
 from depth_pose.track.state import Shape
 from depth_pose.track.target import FitTarget
@@ -25,8 +26,9 @@ class BuildLearner:
     ----------
     space : BuildSpace
     config : PersonalConfig
-    fit : FitConfig
-        Settings of the fit that supplies the residuals.
+    tuning : BuildTuning
+    fit : FitTuning
+        Constants of the fit that supplies the residuals.
 
     Raises
     ------
@@ -34,11 +36,17 @@ class BuildLearner:
         If the file of a build cannot be used.
     """
 
-    def __init__(self, space: BuildSpace, config: PersonalConfig, fit: FitConfig) -> None:
+    def __init__(
+        self,
+        space: BuildSpace,
+        config: PersonalConfig = PersonalConfig(),
+        tuning: BuildTuning = BuildTuning(),
+        fit: FitTuning = FitTuning(),
+    ) -> None:
         self.space = space
-        self._config = config
-        self._evidence, self._skin = BuildEvidence(space, config, fit), TrunkSkin(space)
-        self._builds = PersonalBuilds(config, space, load_build(config.file) if config.file else None)
+        self._config, self._tuning = config, tuning
+        self._evidence, self._skin = BuildEvidence(space, tuning, fit), TrunkSkin(space)
+        self._builds = PersonalBuilds(tuning, space, load_build(config.file) if config.file else None)
         self.reset()
 
     def reset(self) -> None:
@@ -49,7 +57,7 @@ class BuildLearner:
         """Return the build learned from the most frames; None before the first."""
         return self._builds.known(self._longest) if self._longest is not None else None
 
-    def begin(self, shape: Shape, scale: float, is_given: bool) -> Shape:
+    def begin(self, shape: Shape, scale: float) -> Shape:
         """Return a person's shape with size and build up to date.
 
         Parameters
@@ -57,10 +65,8 @@ class BuildLearner:
         shape : Shape
         scale : float
             Size found by the matcher.
-        is_given : bool
-            Whether the size is configured and fixed.
         """
-        return self._builds.take_size(shape, scale, is_given)
+        return self._builds.take_size(shape, scale, is_given=self._config.scale > 0.0)
 
     def learn(
         self, shape: Shape, target: FitTarget, fitted: FittedBody, score: float, stamp_ns: int
@@ -81,7 +87,7 @@ class BuildLearner:
         if not self._config.personal or not is_due(shape, stamp_ns):
             return shape
         evidence = None
-        if score <= self._config.worst_score:
+        if score <= self._tuning.worst_score:
             evidence = self._evidence.find(self.space.body(shape.build), target, fitted.pose, shape.build)
         standing = find_standing(target.proposals, fitted.nodes)
         proposed = None

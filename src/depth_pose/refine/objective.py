@@ -79,8 +79,6 @@ class Objective:
     ----------
     bank : Bank
         Its poses are the usual ones.
-    band : float
-        Depth difference that counts as a full mismatch, metres (`MatchConfig.score_band`).
     weights : Weights
 
     Attributes
@@ -89,14 +87,14 @@ class Objective:
         `usual_joints` of the bank.
     """
 
-    def __init__(self, bank: Bank, band: float, weights: Weights = WEIGHTS) -> None:
+    def __init__(self, bank: Bank, weights: Weights = WEIGHTS) -> None:
         self.usual = usual_joints(bank)
-        self._faces, self._band, self._weights = bank.body.faces, band, weights
+        self._faces, self._weights = bank.body.faces, weights
         self._prior = PosePrior(self.usual)
 
     def score(self, person: PersonView, body: FittedBody) -> Score:
         """Score a body in the camera frame of one view."""
-        seen = person.comparer.compare(body.vertices, self._faces, self._band)
+        seen = person.comparer.compare(body.vertices, self._faces)
         return self.score_seen(person, body, seen)
 
     def score_seen(self, person: PersonView, body: FittedBody, seen: Comparison) -> Score:

@@ -32,7 +32,6 @@ from depth_pose.body.body import Body
 from depth_pose.body.build import BUILD_NAMES, MOST, BuildSpace, prior_information
 from depth_pose.body.build_file import KnownBuild
 from depth_pose.body.pose import BodyPose
-from depth_pose.core.config import FitConfig, PersonalConfig
 from depth_pose.core.skeleton import NODE_PARENTS
 from depth_pose.refine import _build_kernels as kernels
 from depth_pose.refine._articulated_kernels import USUAL_POINTS
@@ -40,6 +39,7 @@ from depth_pose.refine.articulated import ArticulatedFitter
 from depth_pose.refine.proposed_bones import LENGTHS, BoneLengths, ProposedBones
 from depth_pose.refine.proposed_depth import DEPTHS, TrunkDepth, observe_depth
 from depth_pose.refine.running_median import forget
+from depth_pose.refine.tuning import BuildTuning, FitTuning
 from depth_pose.track.state import Shape
 from depth_pose.track.target import FitTarget
 
@@ -122,20 +122,20 @@ class BuildEvidence:
     Parameters
     ----------
     space : BuildSpace
-    config : PersonalConfig
-    fit : FitConfig
-        Settings of the fit that supplies the residuals.
+    tuning : BuildTuning
+    fit : FitTuning
+        Constants of the fit that supplies the residuals.
     """
 
-    def __init__(self, space: BuildSpace, config: PersonalConfig, fit: FitConfig) -> None:
+    def __init__(self, space: BuildSpace, tuning: BuildTuning, fit: FitTuning) -> None:
         self._fitter = ArticulatedFitter(space.template, fit)
         self._shapes = kernels.Shapes(
             np.ascontiguousarray(space.vertices.transpose(1, 2, 0)),
             np.ascontiguousarray(space.nodes.transpose(1, 2, 0)),
         )
-        self._sigma = config.sigma
+        self._sigma = tuning.sigma
         self._settings = self._fitter.settings._replace(
-            free_space_weight=config.free_space * fit.free_space_weight
+            free_space_weight=tuning.free_space * fit.free_space_weight
         )
 
     def find(self, body: Body, target: FitTarget, pose: BodyPose, build: NDArray[np.float32]) -> Evidence:
@@ -190,14 +190,14 @@ class PersonalBuilds:
 
     Parameters
     ----------
-    config : PersonalConfig
+    tuning : BuildTuning
     space : BuildSpace
     known : KnownBuild, optional
         Previous estimate; the prior of adults by default.
     """
 
-    def __init__(self, config: PersonalConfig, space: BuildSpace, known: KnownBuild | None = None) -> None:
-        self._config = config
+    def __init__(self, tuning: BuildTuning, space: BuildSpace, known: KnownBuild | None = None) -> None:
+        self._tuning = tuning
         self._prior, self._prior_vector = np.zeros((_SIZE, _SIZE)), np.zeros(_SIZE)
         if known is None:
             self._prior[1:, 1:] = prior_information()
@@ -258,7 +258,7 @@ class PersonalBuilds:
         assert shape.bones is not None and shape.depth is not None, "a size comes before any evidence"
         kept = 1.0
         if shape.stamp_ns is not None:
-            kept = float(np.exp((shape.stamp_ns - stamp_ns) * 1e-9 / self._config.memory))
+            kept = float(np.exp((shape.stamp_ns - stamp_ns) * 1e-9 / self._tuning.memory))
         bones, depth, row = forget(shape.bones, kept), forget(shape.depth, kept), kept * shape.depth_row
         if proposed is not None:
             lengths, deep = proposed
@@ -277,8 +277,8 @@ class PersonalBuilds:
             return shape
         share = min(1.0, _FITS_WELL / max(score, 1e-9)) ** 4
         return shape._replace(
-            information=shape.information + share / self._config.noise**2 * evidence.information,
-            vector=shape.vector + share / self._config.noise**2 * evidence.vector,
+            information=shape.information + share / self._tuning.noise**2 * evidence.information,
+            vector=shape.vector + share / self._tuning.noise**2 * evidence.vector,
             frames=shape.frames + 1,
             weight=shape.weight + share,
         )

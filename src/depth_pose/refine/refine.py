@@ -16,7 +16,7 @@ import numpy as np
 
 from depth_pose.bank.bank import Bank
 from depth_pose.body.pose import Fitted
-from depth_pose.core.config import MatchConfig, RefineConfig
+from depth_pose.core.config import PersonalConfig
 from depth_pose.core.errors import BankError
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import Source
@@ -28,6 +28,7 @@ from depth_pose.refine.limbs import LimbSearch
 from depth_pose.refine.objective import Objective
 from depth_pose.refine.solver import Effort, Problem, solve
 from depth_pose.refine.sources import from_exemplars, from_limbs, from_previous
+from depth_pose.refine.tuning import BuildTuning, RefineTuning
 from depth_pose.refine.unseen_legs import UnseenLegs
 from depth_pose.track.person_view import FramePeople, PersonView
 from depth_pose.track.sample_people import SAMPLE_DISTANCE_M, sample_people
@@ -43,8 +44,6 @@ class Refiner:
     Parameters
     ----------
     bank : Bank
-    config : RefineConfig
-    match : MatchConfig
     bodies : BodyFitter
     fitter : PersonFitter, optional
         The method; the articulated fit of ``bodies`` if not given.
@@ -52,6 +51,9 @@ class Refiner:
         States of all tracks, shared with the other stages of a process.
     objective : Objective, optional
         Shared with the other stages of a process.
+    build : PersonalConfig
+    tuning : RefineTuning
+    build_tuning : BuildTuning
 
     Attributes
     ----------
@@ -64,23 +66,23 @@ class Refiner:
     def __init__(
         self,
         bank: Bank,
-        config: RefineConfig,
-        match: MatchConfig,
         bodies: BodyFitter,
         fitter: PersonFitter | None = None,
         states: PersonStates | None = None,
         objective: Objective | None = None,
+        build: PersonalConfig = PersonalConfig(),
+        tuning: RefineTuning = RefineTuning(),
+        build_tuning: BuildTuning = BuildTuning(),
     ) -> None:
         self.bank = bank
-        self.config = config
-        self._is_size_given = match.scale > 0.0
+        self.tuning = tuning
         self._bodies = bodies
         self._fitter = fitter or bodies
         self._states = states or PersonStates()
-        self._objective = objective or Objective(bank, match.score_band)
+        self._objective = objective or Objective(bank)
         self.limbs = LimbSearch(bank)
         self._unseen_legs = UnseenLegs(self._objective.usual)
-        self.builds = BuildLearner(bodies.space, bodies.config.build, bodies.config.fit)
+        self.builds = BuildLearner(bodies.space, build, build_tuning, bodies.tuning)
 
     def reset(self) -> None:
         """Forget all tracks."""
@@ -141,16 +143,16 @@ class Refiner:
             state = state._replace(answer=answer, schedule=schedule._replace(number=0, tried=()))
             return state, Fitted.lost(person.stamp_ns, person.body_id)
         tried, number = tuple(c.exemplar for c in match.candidates), schedule.number + 1
-        shape = self.builds.begin(state.shape, match.scale, self._is_size_given)
+        shape = self.builds.begin(state.shape, match.scale)
         state = state._replace(shape=shape, schedule=schedule._replace(number=number, tried=tried))
         # the previous answer, and exemplars of the bank (Sec. 5)
-        starts = from_previous(state) if self.config.track else []
+        starts = from_previous(state) if self.tuning.track else []
         starts += from_exemplars(match, state, self.bank)
         is_settled = tried == schedule.tried and state.answer.lead == 0.0
         roughs = 1 if person.measured is not None else _UNMEASURED_ROUGHS
         fits = solve(starts, self._problem(person, shape), Effort(number, is_settled, roughs))
         best, lead = choose(fits, state.answer.lead)
-        followed = keep_differing(best, fits, self.config.beam)
+        followed = keep_differing(best, fits, self.tuning.beam)
         body = self._unseen_legs.settle(self._bodies.space.body(shape.build), best.body, person.camera)
         learned = self.builds.learn(
             shape, self._bodies.target(person), best.body, best.terms.depth, person.stamp_ns

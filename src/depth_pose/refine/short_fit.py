@@ -9,7 +9,7 @@ from depth_pose.refine.articulated import ArticulatedFitter
 from depth_pose.track.person_view import PersonView
 
 _POINTS = 400
-"""Number of points, half of a full fit (`FitConfig.max_points`); set by hand."""
+"""Number of points, half of a full fit (`FitTuning.max_points`); set by hand."""
 
 
 class ShortFit:
@@ -18,21 +18,19 @@ class ShortFit:
     Parameters
     ----------
     fitter : ArticulatedFitter
-    band : float
-        Depth difference that counts as a full mismatch, metres (`MatchConfig.score_band`).
     """
 
-    def __init__(self, fitter: ArticulatedFitter, band: float) -> None:
-        self._fitter, self._band = fitter, band
+    def __init__(self, fitter: ArticulatedFitter) -> None:
+        self._fitter = fitter
 
     def scorer(self, person: PersonView) -> Callable[[BodyPose], float]:
         """Return a function that fits from a start, and returns the rendered-depth disagreement."""
         target, comparer = person.target(_POINTS, with_proposals=False), person.comparer
-        body, sigmas = self._fitter.body, self._fitter.config.trial
+        body, sigmas = self._fitter.body, self._fitter.tuning.trial
 
         def score(start: BodyPose) -> float:
             pose = self._fitter.fit(target, start, sigmas).pose
             posed = body.pose(pose.rotations, pose.root, pose.scale)
-            return comparer.compare(posed.vertices, body.faces, self._band).score
+            return comparer.compare(posed.vertices, body.faces).score
 
         return score

@@ -67,7 +67,7 @@ class RoomFusion:
         Number of people in the last answer who were fitted to several cameras.
     """
 
-    def __init__(self, bank: Bank, rig: Rig, config: PipelineConfig = PipelineConfig()) -> None:  # noqa: B008
+    def __init__(self, bank: Bank, rig: Rig, config: PipelineConfig = PipelineConfig()) -> None:
         self.rig = rig
         self._places = [camera.T_room_camera for camera in rig.cameras]
         self._smooth = config.smooth

@@ -40,15 +40,15 @@ class RoomFit:
 
     def glance(self, start: BodyPose) -> FittedBody:
         """Run a short fit, precise enough to rank the starts."""
-        return self._fit(self._coarse, start, self._coarse.config.glance)
+        return self._fit(self._coarse, start, self._coarse.tuning.glance)
 
     def rough(self, start: BodyPose) -> FittedBody:
         """Run a rough fit, precise enough to choose between a few starts."""
-        return self._fit(self._coarse, start, self._coarse.config.rough)
+        return self._fit(self._coarse, start, self._coarse.tuning.rough)
 
     def finish(self, fitted: FittedBody) -> FittedBody:
         """Refine a rough fit to full precision."""
-        return self._fit(self._fine, fitted.pose, self._fine.config.fine)
+        return self._fit(self._fine, fitted.pose, self._fine.tuning.fine)
 
     def _fit(self, fitter: ArticulatedFitter, start: BodyPose, sigmas: Sequence[float]) -> FittedBody:
         body, settings = fitter.articulation, fitter.settings

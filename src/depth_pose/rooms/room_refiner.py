@@ -83,10 +83,9 @@ class RoomRefiner:
     """
 
     def __init__(self, bank: Bank, config: PipelineConfig) -> None:
-        self._scale_is_given, self._smooth = config.match.scale > 0.0, config.smooth
-        self.bodies = BodyFitter(bank.body, config.fitting)
-        self._objective = Objective(bank, config.match.score_band)
-        self._builds = BuildLearner(self.bodies.space, config.fitting.build, config.fitting.fit)
+        self._smooth, self.bodies = config.smooth, BodyFitter(bank.body)
+        self._objective = Objective(bank)
+        self._builds = BuildLearner(self.bodies.space, config.build)
 
     def refine(
         self,
@@ -114,7 +113,7 @@ class RoomRefiner:
         shares = np.array([view.area for view in views])
         shares /= shares.sum()
         size = float(np.exp(shares @ np.log([a.pose.scale for a in answers])))
-        shape = self._builds.begin(memory.state.shape, size, self._scale_is_given)
+        shape = self._builds.begin(memory.state.shape, size)
         way = velocity * ((stamp_ns - memory.stamp_ns) * 1e-9)
         starts = _starts(answers, memory.state, way, shape.scale)
         problem = Problem(

@@ -14,7 +14,6 @@ import numpy as np
 
 from depth_pose.bank.bank import Bank
 from depth_pose.body.pose import BodyPose, Fitted, FittedBody
-from depth_pose.core.config import MatchConfig
 from depth_pose.core.skeleton import NODE_INDEX, forward_kinematics
 from depth_pose.refine.skeleton_pose import about_face, pose_from_nodes
 from depth_pose.track.person_view import PersonView
@@ -67,8 +66,7 @@ def fail(kind: str, fitted: Fitted, person: PersonView, bank: Bank, rng: np.rand
     kind : str
         One of `KINDS`.
     fitted : Fitted
-        A correct one, made with the default `MatchConfig.score_band`: the wrong pose is compared with
-        the same band, because scores of other bands are not comparable.
+        A correct one.
     person : PersonView
         The person it was fitted to, with which the wrong pose is compared as a fit would be.
     bank : Bank
@@ -83,6 +81,6 @@ def fail(kind: str, fitted: Fitted, person: PersonView, bank: Bank, rng: np.rand
     body = bank.body
     pose = KINDS[kind](bank, fitted.pose, rng)
     posed = body.pose(pose.rotations, pose.root, pose.scale)
-    seen = person.comparer.compare(posed.vertices, body.faces, MatchConfig().score_band)
+    seen = person.comparer.compare(posed.vertices, body.faces)
     wrong = FittedBody(pose, posed.vertices, posed.nodes)
     return replace(fitted, body=wrong, build=np.zeros(0, np.float32), score=seen.score, gap=seen.gap)

@@ -15,7 +15,7 @@ from depth_pose.refine._visibility_kernels import turn_normals
 
 
 class Settings(NamedTuple):
-    """Numbers of `depth_pose.volume.fit.VolumeFitConfig` under their names."""
+    """Numbers of `depth_pose.volume.tuning.VolumeFitTuning` under their names."""
 
     sigmas: NDArray[np.float64]
     outlier: float

@@ -1,8 +1,4 @@
-"""Settings of the volume tracker, with their defaults.
-
-Unless stated otherwise they were chosen on further performances (101 and 102 of
-`benchmarks/parts/dances.py`) that neither training nor the tables of docs/volume.md use.
-"""
+"""Settings of the volume tracker; all other values are constants (`depth_pose.volume.tuning`)."""
 
 from __future__ import annotations
 
@@ -33,50 +29,10 @@ class TrackConfig(Checked):
         "descriptor: distance of descriptors; latent: eq. 4 of the paper",
         choices=("descriptor", "latent"),
     )
-    restarts: float = option(
-        0.2, "Share of particles placed on training points similar to the frame", low=0.0, high=1.0
-    )
-    azimuth_window: float = option(
-        50.0, "Azimuths tried to either side of the expected one", unit="deg", low=5.0, high=180.0
-    )
-    diffusion: float = option(1.0, "Factor on the noise of the dynamics", low=0.0, high=10.0)
     stature: float = option(
         0.0, "The person's height; 0: estimated over the first frames", unit="m", low=0.0, high=2.5
     )
-    stature_frames: int = option(60, "Number of frames used to estimate the height", low=1, high=1000)
-    lost_after: int = option(5, "Unlikely frames in a row after which the search is global", low=1, high=1000)
     refine: bool = option(True, "Fit a body to the volume, from the regressed pose")
-    seed: int = option(0, "Seed of the particles' random numbers", low=0, high=2**31 - 1)
-
-
-@dataclass(frozen=True)
-class VolumeFitConfig(Checked):
-    """The fit of a body to the volume; terms as in `depth_pose.core.config.FitConfig`."""
-
-    sigmas: tuple[float, ...] = option(
-        (0.06, 0.045, 0.035, 0.028, 0.025),
-        "Standard deviation of the points about the skin in each iteration, coarse to fine",
-        unit="m",
-        low=0.001,
-        high=1.0,
-    )
-    outlier: float = option(
-        0.3, "Weight u of the outlier class, relative to a vertex at distance 0", low=0.0, high=10.0
-    )
-    plane_weight: float = option(1.0, "Weight of distances along the skin's normal", low=0.0, high=100.0)
-    point_weight: float = option(0.3, "Weight of distances in all directions", low=0.0, high=100.0)
-    prior: float = option(1.0, "Weight that holds joints near the regressed pose", low=0.0, high=1000.0)
-    root_prior: float = option(
-        20.0, "Weight that holds the pelvis near the regressed place", low=0.0, high=1000.0
-    )
-    damping: float = option(0.02, "Damping of every Gauss-Newton step", low=0.0, high=10.0)
-    max_step: float = option(
-        0.35, "Maximum rotation of a joint in one iteration", unit="rad", low=0.01, high=3.0
-    )
-    max_points: int = option(400, "Maximum number of surface voxels for the fit", low=50, high=100000)
-    trust_power: float = option(
-        2.0, "Exponent of a vertex's visibility under clothing; 0: all count alike", low=0.0, high=10.0
-    )
 
 
 @dataclass(frozen=True)
@@ -104,11 +60,6 @@ class LearnConfig(Checked):
 
     latent: int = option(6, "Dimensions of the latent space", low=2, high=20)
     iterations: int = option(150, "Maximum steps of the optimiser", low=1, high=10000)
-    dynamics_weight: float = option(1.0, "Weight of the dynamics against the volumes", low=0.0, high=1000.0)
-    noise_floor: float = option(2e-3, "Least noise variance of the dynamics", low=1e-8, high=1.0)
-    pose_variance: float = option(
-        0.99, "Share of the poses' variance kept by their latent space", low=0.5, high=1.0
-    )
 
 
 @dataclass(frozen=True)
@@ -120,5 +71,4 @@ class VolumeConfig(Sections):
     views: ViewsConfig = ViewsConfig()
     space: SpaceConfig = SpaceConfig()
     track: TrackConfig = TrackConfig()
-    fit: VolumeFitConfig = VolumeFitConfig()
     learn: LearnConfig = LearnConfig()

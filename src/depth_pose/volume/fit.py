@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from depth_pose.body.body import Body
 from depth_pose.refine.articulated import articulate
 from depth_pose.volume import _fit_kernels as kernels
-from depth_pose.volume.config import VolumeFitConfig
+from depth_pose.volume.tuning import VolumeFitTuning
 
 Array = NDArray[np.float64]
 
@@ -64,15 +64,15 @@ class VolumeFitter:
     body : Body
     trust : (V,)
         Trust in each of its vertices, 0 to 1.
-    config : VolumeFitConfig
+    tuning : VolumeFitTuning
     """
 
-    def __init__(self, body: Body, trust: Array, config: VolumeFitConfig | None = None) -> None:
-        self.body, self.config = body, config or VolumeFitConfig()
+    def __init__(self, body: Body, trust: Array, tuning: VolumeFitTuning = VolumeFitTuning()) -> None:
+        self.body, self.tuning = body, tuning
         self._articulation = articulate(body, _STIFFNESS)
-        self._trust = np.ascontiguousarray(trust**self.config.trust_power)
-        numbers = {n: float(getattr(self.config, n)) for n in kernels.Settings._fields if n != "sigmas"}
-        self._settings = kernels.Settings(sigmas=np.array(self.config.sigmas), **numbers)
+        self._trust = np.ascontiguousarray(trust**self.tuning.trust_power)
+        numbers = {n: float(getattr(tuning, n)) for n in kernels.Settings._fields if n != "sigmas"}
+        self._settings = kernels.Settings(sigmas=np.array(self.tuning.sigmas), **numbers)
 
     def fit(
         self, surface: Array, rotations: Array, root: Array, stature: float, eyes: Array | None = None
@@ -81,7 +81,7 @@ class VolumeFitter:
 
         ``eyes`` are the cameras' positions, (n, 3), if the surface is only the sides facing them.
         """
-        every = max(1, -(-len(surface) // self.config.max_points))
+        every = max(1, -(-len(surface) // self.tuning.max_points))
         rotations, root = np.ascontiguousarray(rotations).copy(), np.array(root, np.float64)
         residual, size = kernels.fit_volume(
             np.ascontiguousarray(surface[::every]),

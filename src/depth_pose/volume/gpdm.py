@@ -24,6 +24,7 @@ from scipy.optimize import Bounds, minimize
 
 from depth_pose.volume.config import LearnConfig
 from depth_pose.volume.gp import _LOG_BOUNDS, Kernel, evidence
+from depth_pose.volume.tuning import LearnTuning
 
 Array = NDArray[np.float64]
 
@@ -66,12 +67,13 @@ def learn_dynamics(
     lengths: list[int],
     config: LearnConfig,
     progress: Callable[[int], None] | None = None,
+    tuning: LearnTuning = LearnTuning(),
 ) -> Dynamics:
     """Learn the latent points of volume sequences: the maximum of the posterior (Hirai et al. eq. 3).
 
     The paper's roles of alpha and beta change between its text and its equation: here each map has a kernel
-    of its own, with the prior 1 / theta on each parameter, as in GPDM. Beyond the paper: the dynamics is
-    weighted (``dynamics_weight``), its noise has a floor, several performances and wearers are learned
+    of its own, with the prior 1 / theta on each parameter, as in GPDM. Beyond the paper: the noise of
+    the dynamics has a floor, several performances and wearers are learned
     together, and the optimiser is L-BFGS, not scaled conjugate gradients.
 
     Parameters
@@ -84,13 +86,14 @@ def learn_dynamics(
     config : LearnConfig
     progress : callable, optional
         Called with the number of optimiser steps done.
+    tuning : LearnTuning
     """
     n, outputs = wearers[0].shape
     gram = np.mean([v @ v.T for v in wearers], axis=0)
     before, after, starts = chain_rows(lengths)
     x0 = principal_points(np.mean(wearers, axis=0), config.latent)
     split = (x0.size, x0.size + 3)
-    weight, floor = config.dynamics_weight, config.noise_floor
+    floor = tuning.noise_floor
 
     def cost(p: Array) -> tuple[float, Array]:
         x = p[: split[0]].reshape(n, config.latent)
@@ -98,14 +101,14 @@ def learn_dynamics(
         came, went = np.ascontiguousarray(x[before]), x[after]
         motion = evidence(Kernel.from_array(p[split[1] :]), came, went @ went.T, config.latent, floor)
         by_x = volume.inputs.copy()
-        by_x[before] += weight * motion.inputs
-        by_x[after] += weight * (motion.solved @ went)
+        by_x[before] += motion.inputs
+        by_x[after] += motion.solved @ went
         by_x[starts] += x[starts]
         # Hirai et al. eq. 3: minus the logarithm of the posterior, up to a constant
-        value = volume.value + weight * motion.value + 0.5 * float((x[starts] ** 2).sum())
+        value = volume.value + motion.value + 0.5 * float((x[starts] ** 2).sum())
         # p(theta) ~ 1 / theta for s, w, l and for the noise's precision
         signs = np.array([1.0, 1.0, -1.0])
-        by_theta = np.concatenate([volume.parameters + signs, weight * motion.parameters + [*signs, 1.0]])
+        by_theta = np.concatenate([volume.parameters + signs, motion.parameters + [*signs, 1.0]])
         value += float(signs @ p[split[0] : split[1]] + np.array([*signs, 1.0]) @ p[split[1] :])
         return value, np.concatenate([by_x.ravel(), by_theta])
 

@@ -39,6 +39,7 @@ from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.stature import StatureFinder
 from depth_pose.volume.synchroniser import ViewSet
 from depth_pose.volume.tracker import UNLIKELY, LatentTracker, Tracked, describe_headings
+from depth_pose.volume.tuning import VolumeTuning
 
 Array = NDArray[np.float64]
 
@@ -99,19 +100,24 @@ class VolumePoseTracker:
     config : VolumeConfig
     frame_id : str
         Name of the world frame.
+    tuning : VolumeTuning
     """
 
     def __init__(
-        self, model: VolumeModel, config: VolumeConfig | None = None, frame_id: str = "world"
+        self,
+        model: VolumeModel,
+        config: VolumeConfig | None = None,
+        frame_id: str = "world",
+        tuning: VolumeTuning = VolumeTuning(),
     ) -> None:
         self.model, self.frame_id = model, frame_id
-        self._config = config or VolumeConfig()
+        self._config, self.tuning = config or VolumeConfig(), tuning
         self.config = self._config.track
         self._least = round(LEAST_SURFACE_M2 / self._config.space.voxel**2)
-        self._tracker = LatentTracker(model, self.config)
-        self._size = StatureFinder(model, self.config)
+        self._tracker = LatentTracker(model, self.config, tuning.track)
+        self._size = StatureFinder(model, self.config, tuning.track)
         self._body = make_body()
-        self._fitter = VolumeFitter(self._body, model.trust, self._config.fit)
+        self._fitter = VolumeFitter(self._body, model.trust, tuning.fit)
         self._joint_trust = _joint_trust(self._body.skin.influence[:, 0], model.trust)
         self.reset()
 
@@ -128,7 +134,7 @@ class VolumePoseTracker:
         seconds = self._since(stamp_ns)
         if len(volume.surface) < self._least:
             self._absent += 1
-            if self._absent == self.config.lost_after:
+            if self._absent == self.tuning.track.lost_after:
                 self._forget()
             return self._nobody(volume, stamp_ns)
         self._absent = 0
@@ -197,7 +203,7 @@ class VolumePoseTracker:
         grid = np.stack(np.meshgrid(*[np.arange(0.0, 0.3, 0.02)] * 3), axis=-1).reshape(-1, 3)
         tall = np.concatenate([grid, grid + [0.0, 0.6, 0.0]])
         volume = Volume(tall, tall.mean(axis=0), len(tall), 8)
-        other = VolumePoseTracker(self.model, self._config, self.frame_id)
+        other = VolumePoseTracker(self.model, self._config, self.frame_id, self.tuning)
         for stamp_ns in (1, 30_000_000):
             other.process(volume, stamp_ns)
 

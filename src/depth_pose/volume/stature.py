@@ -13,6 +13,7 @@ from depth_pose.volume.config import TrackConfig
 from depth_pose.volume.hull import Volume
 from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.tracker import describe_headings, search_costs
+from depth_pose.volume.tuning import TrackTuning
 
 # Chosen like the defaults of `depth_pose.volume.config`.
 _GRID_M = np.arange(1.05, 2.06, 0.025)
@@ -38,8 +39,8 @@ class StatureFinder:
     that of the training frame and heading that suit it best, averaged over the frames that tried it.
     """
 
-    def __init__(self, model: VolumeModel, config: TrackConfig) -> None:
-        self._model, self._config = model, config
+    def __init__(self, model: VolumeModel, config: TrackConfig, tuning: TrackTuning = TrackTuning()) -> None:
+        self._model, self._config, self._tuning = model, config, tuning
         self.reset()
 
     def reset(self) -> None:
@@ -51,13 +52,13 @@ class StatureFinder:
     @property
     def is_held(self) -> bool:
         """Whether the stature is settled."""
-        return self._config.stature > 0 or self._frames >= self._config.stature_frames
+        return self._config.stature > 0 or self._frames >= self._tuning.stature_frames
 
     def update(self, volume: Volume) -> float:
         """Add the volume of one frame, which is not empty; return the stature in metres."""
         if self.is_held:
             return self.stature
-        if self._frames < min(_SEARCH_FRAMES, self._config.stature_frames):
+        if self._frames < min(_SEARCH_FRAMES, self._tuning.stature_frames):
             self._search(volume)
         self._frames += 1
         return self.stature

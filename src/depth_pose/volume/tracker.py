@@ -33,6 +33,7 @@ from depth_pose.volume.descriptor import Bins, describe
 from depth_pose.volume.gp import square_distances
 from depth_pose.volume.hull import Volume
 from depth_pose.volume.model import VolumeModel
+from depth_pose.volume.tuning import TrackTuning
 
 Array = NDArray[np.float64]
 
@@ -101,8 +102,10 @@ class Tracked:
 class LatentTracker:
     """The particle filter; frames must be passed in order."""
 
-    def __init__(self, model: VolumeModel, config: TrackConfig | None = None) -> None:
-        self.model, self.config = model, config or TrackConfig()
+    def __init__(
+        self, model: VolumeModel, config: TrackConfig = TrackConfig(), tuning: TrackTuning = TrackTuning()
+    ) -> None:
+        self.model, self.config, self.tuning = model, config, tuning
         self._fine = model.bins.fine
         motion = model.to_next
         residual = motion.predict(motion.inputs) - motion.outputs
@@ -112,7 +115,7 @@ class LatentTracker:
 
     def reset(self) -> None:
         """Forget all earlier frames."""
-        self._rng = np.random.default_rng(self.config.seed)
+        self._rng = np.random.default_rng(self.tuning.seed)
         self._points: Array | None = None
         self._step, self._speed, self._unlikely = 0.0, 0.0, 0
 
@@ -130,10 +133,10 @@ class LatentTracker:
             return self._search(sights)
         steps = min(max(seconds * self.model.fps, 0.05), _MOST_STEPS)
         expected = self._step + self._speed * steps
-        reach = round(self.config.azimuth_window / 360.0 * self._fine)
+        reach = round(self.tuning.azimuth_window / 360.0 * self._fine)
         window = np.arange(-reach, reach + 1) + round(expected)
         points = self._move(self._points, steps)
-        fresh = round(self.config.restarts * len(points))
+        fresh = round(self.tuning.restarts * len(points))
         if fresh:
             # some restart at training points, preferably those that resemble this frame
             cost = search_costs(self.model, sights, window).min(axis=1)
@@ -148,7 +151,7 @@ class LatentTracker:
         self._speed += _SPEED_GAIN * ((step - self._step) / steps - self._speed)
         self._step = step
         self._unlikely = self._unlikely + 1 if found.misfit > UNLIKELY else 0
-        if self._unlikely < self.config.lost_after:
+        if self._unlikely < self.tuning.lost_after:
             return found
         # lost, or only dressed unlike the training: only a clearly better place is accepted
         self._unlikely = 0
@@ -165,7 +168,7 @@ class LatentTracker:
         rows = np.minimum(np.searchsorted(np.cumsum(self._weights), at), n - 1)
         moved = points[rows]
         moved = moved + steps * (self.model.to_next.predict(moved) - moved)
-        spread = self.config.diffusion * np.sqrt(steps) * self._noise
+        spread = np.sqrt(steps) * self._noise
         moved += spread * rng.normal(size=moved.shape)
         return np.asarray(moved)
 

@@ -81,7 +81,7 @@ class DenoiseNode(StageNode):
         self._mounting = UpsideDownWatch(config.segment)
         self._nobody = NobodyWatch(config.segment)
         self._repair.reset()
-        return Perception(config.segment, config.denoise, config.mount, config.match)
+        return Perception(config.segment, config.denoise, config.mount, config.match.method == "joints")
 
     def open_outputs(self) -> None:
         """Create the publishers of people's points and ids."""

@@ -31,6 +31,7 @@ from depth_pose.ros.messages.checks import check_people
 from depth_pose.ros.messages.skeletons import msg_to_skeleton, skeletons_to_msg
 from depth_pose.ros.nodes.bank_node import BankNode
 from depth_pose.ros.nodes.node_base import Deferred, Input
+from depth_pose.ros.nodes.parameters import BANK, REP155, TF
 from depth_pose.ros.nodes.rep155_outputs import Rep155Outputs
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.setting import Setting
@@ -43,15 +44,14 @@ SKELETONS = "depth_pose/skeletons"
 """Topic of a suite's skeletons, below the camera's namespace."""
 
 SETTINGS: tuple[Setting, ...] = (
-    Setting("bank", "", "Exemplar bank whose body rep155 uses; empty: the embedded body"),
+    BANK,
     Setting("rig", "", "Rig file: names and poses of the cameras; empty: poses from /tf_static"),
     Setting("topics", [""], "Skeletons of each camera; default: /CAMERA/depth_pose/skeletons of the rig"),
     Setting("room_frame", "room", "Frame of the merged skeletons: z up, the floor at z = 0"),
-    Setting("tf", False, "Broadcast every joint on /tf"),
-    Setting("tf_prefix", "", "Prefix of the joints' names on /tf"),
-    Setting("rep155", False, "Publish all people by REP-155: /humans/bodies/..., and frames on /tf"),
+    *TF,
+    REP155,
 )
-"""Parameters besides those of the filter."""
+"""Parameters besides those of the filter; of the bank, only the body is used (``rep155``)."""
 
 _LOOK_S = 0.2
 """Seconds between two checks of the cameras; set by hand."""

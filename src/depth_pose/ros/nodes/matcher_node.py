@@ -14,7 +14,7 @@ from depth_pose.ros.messages.matches import matches_to_msg
 from depth_pose.ros.messages.people import msgs_to_people
 from depth_pose.ros.nodes.bank_node import BankNode
 from depth_pose.ros.nodes.node_base import Input
-from depth_pose.ros.nodes.parameters import BANK
+from depth_pose.ros.nodes.parameters import MATCHER
 from depth_pose.ros.process.runner import run_node
 from depth_pose.stages import Shared
 
@@ -22,8 +22,8 @@ from depth_pose.stages import Shared
 class MatcherNode(BankNode):
     """Finds similar exemplars in the bank (Sec. 5)."""
 
-    SECTIONS = ("match", "fit")
-    SETTINGS = (BANK,)
+    SECTIONS = ("build",)
+    SETTINGS = MATCHER
 
     def __init__(self) -> None:
         super().__init__("matcher")
@@ -31,7 +31,7 @@ class MatcherNode(BankNode):
     def make_stage(self, config: PipelineConfig) -> Matcher:
         """Build the matcher; live, its time is limited."""
         matcher = Shared(self.bank, config).make_matcher()
-        matcher.time_budget.limit_s = 0.0 if self.lossless else config.match.budget
+        matcher.time_budget.limit_s = 0.0 if self.lossless else self.value("time_budget")
         return matcher
 
     def open_outputs(self) -> None:

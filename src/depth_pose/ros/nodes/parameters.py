@@ -24,6 +24,7 @@ from depth_pose.core.config import SHORT_NAMES, PipelineConfig
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.options import Sections, options
 from depth_pose.core.printable import printable
+from depth_pose.core.removed_options import explain_removed
 from depth_pose.ros.setting import Setting
 
 SECTIONS: tuple[str, ...] = tuple(f.name for f in fields(PipelineConfig))
@@ -47,6 +48,18 @@ COMMON: tuple[Setting, ...] = (
 """Parameters of every node."""
 
 BANK = Setting("bank", "", "Exemplar bank file; empty: the default one")
+
+MATCHER: tuple[Setting, ...] = (
+    BANK,
+    Setting(
+        "time_budget",
+        0.06,
+        "Time for all people of a frame, seconds; people left out come first in the next one; 0: no limit",
+        0.0,
+        10.0,
+    ),
+)
+"""Parameters of the matcher node."""
 
 TF: tuple[Setting, ...] = (
     Setting("tf", False, "Broadcast every joint on /tf, and the floor on /tf_static"),
@@ -86,12 +99,10 @@ REFINE: tuple[Setting, ...] = (
     Setting("mesh_rate", 2.0, "Meshes per second, published with a subscriber; 0: none", 0.0, 100.0, False),
 )
 """Parameters of the refine node."""
-RECOVERY: tuple[Setting, ...] = (
-    BANK,
-    *TF,
-    Setting("rep155", False, "Publish all people by REP-155: /humans/bodies/..., and frames on /tf"),
-)
-EVERYWHERE: frozenset[str] = frozenset(s.name for s in (*COMMON, *DENOISE, *REFINE, *RECOVERY)) | {
+REP155 = Setting("rep155", False, "Publish all people by REP-155: /humans/bodies/..., and frames on /tf")
+
+RECOVERY: tuple[Setting, ...] = (BANK, *TF, REP155)
+EVERYWHERE: frozenset[str] = frozenset(s.name for s in (*COMMON, *DENOISE, *MATCHER, *REFINE, *RECOVERY)) | {
     "use_sim_time",
     "start_type_description_service",
 }
@@ -156,8 +167,6 @@ def _declare(
     value = given.get(name)
     if isinstance(default, float) and value is not None and value.type_ == Parameter.Type.INTEGER:
         given[name] = Parameter(name, Parameter.Type.DOUBLE, float(value.value))  # "near: 1" means 1.0
-    if isinstance(default, tuple) and value is not None and value.type_ == Parameter.Type.INTEGER_ARRAY:
-        given[name] = Parameter(name, Parameter.Type.DOUBLE_ARRAY, [float(v) for v in value.value])
     try:
         node.declare_parameter(name, default, descriptor)
     except InvalidParameterTypeException as e:
@@ -193,7 +202,10 @@ def explain_unknown(who: str, unknown: Sequence[str], known: Iterable[str]) -> s
     known, elsewhere, hints = sorted(known), _known_somewhere(), []
     for name in unknown:
         near = get_close_matches(name, known, n=1)
-        if name in renamed:
+        section, _, field = name.partition(".")
+        if removed := explain_removed(section, field):
+            hints.append(removed)
+        elif name in renamed:
             hints.append(f"{name} is named {renamed[name]}")
         elif name in elsewhere:
             hints.append(f"{name} is a parameter of another node")

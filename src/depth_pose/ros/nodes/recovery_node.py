@@ -34,9 +34,7 @@ from depth_pose.track.follow import Follower
 class RecoveryNode(BankNode):
     """Finds failures, recovers from them over time, and smooths (Sec. 6, last part)."""
 
-    SECTIONS = (
-        "mount", "recover", "smooth", "match", "refine", "follow", "fit", "cpd", "completion", "temporal",
-    )  # fmt: skip
+    SECTIONS = ("mount", "recover", "smooth", "refine", "follow")
     SETTINGS = RECOVERY
 
     def __init__(self) -> None:

@@ -31,7 +31,7 @@ from depth_pose.track.person_view import FramePeople
 class RefineNode(BankNode):
     """Fits the body to the points, from the matched exemplars (Sec. 6)."""
 
-    SECTIONS = ("mount", "refine", "match", "fit", "build", "cpd", "completion")
+    SECTIONS = ("mount", "refine", "build")
     SETTINGS = REFINE
 
     def __init__(self) -> None:

@@ -48,7 +48,7 @@ class VolumeNode(StageNode):
     """The volume tracker on topics."""
 
     CONFIG = VolumeConfig
-    SECTIONS = ("segment", "denoise", "views", "space", "track", "fit")
+    SECTIONS = ("segment", "denoise", "views", "space", "track")
     SETTINGS = SETTINGS
 
     def __init__(self) -> None:

@@ -19,13 +19,14 @@ from depth_pose.volume.learn.reliability import learn_trust
 from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.posespace import PoseSpace, learn_pose_space
 from depth_pose.volume.space import learn_space
+from depth_pose.volume.tuning import LearnTuning
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, int, int], None]
 """Function called with the task, the number done, and the total."""
 
 COMPONENTS = 40
-"""Dimensions of the descriptor space; chosen like the defaults of `depth_pose.volume.config`."""
+"""Dimensions of the descriptor space; chosen like those of `depth_pose.volume.tuning`."""
 
 
 def learn_model(
@@ -33,6 +34,7 @@ def learn_model(
     config: LearnConfig | None = None,
     progress: Progress | None = None,
     about: str = "",
+    tuning: LearnTuning = LearnTuning(),
 ) -> VolumeModel:
     """Learn a model.
 
@@ -45,6 +47,7 @@ def learn_model(
     progress : callable, optional
     about : str
         Description of the training data.
+    tuning : LearnTuning
 
     Raises
     ------
@@ -74,13 +77,14 @@ def learn_model(
         [len(p) for p in first],
         config,
         lambda n: tell("dynamics", n, config.iterations),
+        tuning,
     )
     tell("regressions", 0, 3)
     to_volume = learn_regression(found.latent, np.concatenate(list(volumes), axis=1))
     to_latent = learn_regression(volumes[0], found.latent)
     rotations = np.concatenate([without_headings(p.rotations) for p in first])
     tell("regressions", 1, 3)
-    poses, pose_space, pose_kernel = _learn_poses(views, found.latent, rotations, config)
+    poses, pose_space, pose_kernel = _learn_poses(views, found.latent, rotations, tuning.pose_variance)
     tell("regressions", 2, 3)
     trust = learn_trust([p for wearers in views[::4] for person in wearers for p in person])
     tell("regressions", 3, 3)
@@ -93,26 +97,24 @@ def learn_model(
         recall_kernel=to_latent.kernel.as_array(), pose_kernel=pose_kernel.as_array(),
         trust=trust,
         meta={
-            "bins": list(asdict(bins).values()), "fps": first[0].fps, "noise_floor": config.noise_floor,
+            "bins": list(asdict(bins).values()), "fps": first[0].fps, "noise_floor": tuning.noise_floor,
             "input": "depth" if len(first[0].volumes[0].eyes) else "silhouettes",
             "about": about, "performances": [p.name for p in first], "frames": len(rotations),
             "wearers": len(views[0]), "statures": [round(w[0].stature, 3) for w in views[0]],
-            "learning": asdict(config),
+            "learning": asdict(config) | tuning._asdict(),
         },
     )  # fmt: skip
 
 
 def _learn_poses(
-    views: Sequence[Sequence[Sequence[Performance]]], latent: Array, rotations: Array, config: LearnConfig
+    views: Sequence[Sequence[Sequence[Performance]]], latent: Array, rotations: Array, variance: float
 ) -> tuple[Array, PoseSpace, Kernel]:
     """Pose components (views, N, k), their space, and the kernel from latent points.
 
     The rotations are the same in all views; the position of the pelvis relative to the centroid is not.
     """
     offsets = [np.mean([_offsets(person) for person in wearers], axis=0) for wearers in views]
-    space = learn_pose_space(
-        np.concatenate([rotations] * len(views)), np.concatenate(offsets), config.pose_variance
-    )
+    space = learn_pose_space(np.concatenate([rotations] * len(views)), np.concatenate(offsets), variance)
     poses = np.array([space.encode(rotations, o) for o in offsets])
     return poses, space, learn_regression(latent, np.concatenate(list(poses), axis=1)).kernel
 
