@@ -32,8 +32,9 @@ _APART_M, _FROM_WALLS_M = 0.5, 0.35
 """Minimum distance of paths from each other and from walls, metres. Set by hand."""
 _FROM_CAMERA_M = 0.9
 """Minimum distance of paths from camera 0, metres. Set by hand."""
-_HIDDEN_S = 2.0
-"""Maximum time for which furniture hides a person, seconds. Set by hand."""
+_HIDDEN_S, _HIDDEN_AT_HOME_S = 2.0, 0.5
+"""Maximum time for which a piece of furniture hides a person, in rooms and in homes with more of them,
+seconds. Set by hand."""
 _SITS_SHARE = 0.25
 """Probability that a person who may sit down does. Set by hand."""
 _TRIES = 40
@@ -208,7 +209,8 @@ def furnish_around(
         np.concatenate([person_at(p, track, t).vertices[::_EVERY] for t in range(0, len(track.spots), every)])
         for p, track in cast
     ]
-    room.ways, room.longest_hidden = [track.spots for _, track in cast], round(_HIDDEN_S * fps)
+    room.ways = [track.spots for _, track in cast]
+    room.longest_hidden = round((_HIDDEN_AT_HOME_S if home else _HIDDEN_S) * fps)
     _put_seats(rng, room, cast, avoid)
     _put_hiding_places(rng, room, cast, avoid)
     (furnish_home if home else furnish)(room, rng, avoid, view, min(room.walls.back, 8.0))
