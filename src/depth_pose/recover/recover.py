@@ -48,6 +48,9 @@ _PART, _ALLOWANCE_OF_PART = 0.7, 0.08
 """Share of the last good frame's points below which a part of the person is missing, and the score excess
 that is then allowed for the registered body."""
 
+_SAME_SCORE = 1e-5
+"""Score advantage below which the registered body is the fit that failed, up to rounding."""
+
 _SIDES_SURE = 0.9
 """Probability that sides are not exchanged, below which the other view is answered, too. Set by hand."""
 
@@ -227,7 +230,7 @@ class Recoverer:
         if fitted.body is not None:
             seen = Comparison(fitted.score, fitted.gap)
             refused = self._objective.score_seen(person, fitted.body, seen)
-            if carried.score >= refused.total + allowed:
+            if carried.score >= refused.total + allowed - _SAME_SCORE:
                 return None
         answer = replace(last, stamp_ns=person.stamp_ns, source=Source.RECOVERED)
         return _answered(answer, carried)
