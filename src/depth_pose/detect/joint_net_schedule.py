@@ -13,10 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.measurement import JointMeasurement
+from depth_pose.core.stamps import MAX_REUSE_NS
 from depth_pose.detect.finder import TorsoDetection
-
-_LONGEST_NS = 100_000_000
-"""Maximum age (ns) of a reused measurement, the same as for the matcher's candidates."""
 
 _MOVED_M, _APART_M = 0.15, 0.4
 """Maximum movement (m) of the same person, and least distance (m) of another person."""
@@ -111,5 +109,5 @@ class JointNetSchedule:
         return near[0] if alone else None
 
     def _may_rest(self, last: _Look, stamp_ns: int) -> bool:
-        is_recent = 0 < stamp_ns - last.stamp_ns <= _LONGEST_NS
+        is_recent = 0 < stamp_ns - last.stamp_ns <= MAX_REUSE_NS
         return is_recent and last.age + 1 < self._every and last.seen.probability >= _SURE

@@ -25,7 +25,7 @@ from depth_pose.detect.finder import LEAST_PIXELS, TorsoDetection
 from depth_pose.detect.segmentation import Detection
 from depth_pose.detect.tuning import DetectTuning
 
-_LONGEST_NS = 50_000_000
+_MAX_GAP_NS = 50_000_000
 """Maximum gap (ns) between frames; longer ones increase the error."""
 
 _MOVED_M, _MOVED_PIXELS = 0.1, 8
@@ -94,7 +94,7 @@ class MaskPropagation:
             The returned pixels; None without such a frame just before.
         """
         before = self._before
-        if before is None or not 0 < stamp_ns - before.stamp_ns <= _LONGEST_NS:
+        if before is None or not 0 < stamp_ns - before.stamp_ns <= _MAX_GAP_NS:
             return found, None
         was = before.candidates
         if found.camera != was.camera:
@@ -132,7 +132,7 @@ class MaskPropagation:
         self._before = _Before(replace(candidates, labels=labels, people=people), stamp_ns, shown.copy())
 
     def _carry(self, before: _Before, frame: DepthFrame) -> Candidates | None:
-        if self._age >= self._find_every or not 0 < frame.stamp_ns - before.stamp_ns <= _LONGEST_NS:
+        if self._age >= self._find_every or not 0 < frame.stamp_ns - before.stamp_ns <= _MAX_GAP_NS:
             return None
         was = before.candidates
         depth, camera = working_grid.reduce_frame(frame, self._config)

@@ -13,12 +13,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.stamps import MAX_REUSE_NS
 from depth_pose.core.types import PoseMatch
 from depth_pose.track.person_view import PersonView
 from depth_pose.track.state import Schedule
-
-_LONGEST_NS = 100_000_000
-"""Maximum age (ns) of carried candidates; at 5 frames a second, longer costs 1 to 3 points of PCK.10."""
 
 
 def count_frame(schedule: Schedule, person: PersonView, every: int) -> tuple[Schedule, bool]:
@@ -34,7 +32,7 @@ def count_frame(schedule: Schedule, person: PersonView, every: int) -> tuple[Sch
     if schedule.match is None:
         return schedule, True
     age = schedule.match_age + 1
-    is_due = age >= every or person.stamp_ns - schedule.match_ns > _LONGEST_NS
+    is_due = age >= every or person.stamp_ns - schedule.match_ns > MAX_REUSE_NS
     return schedule._replace(match_age=0 if is_due else age), is_due
 
 

@@ -19,36 +19,33 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.core.options import Checked, option
-
 
 @dataclass(frozen=True)
-class NoiseConfig(Checked):
+class NoiseConfig:
     """Parameters of the noise: sigma = (constant + linear z + quadratic z^2) / cos(angle)^power."""
 
-    constant: float = option(0.002, "Standard deviation at no distance", unit="m", low=0.0, high=0.1)
-    linear: float = option(0.0, "Standard deviation gained per metre", unit="m/m", low=0.0, high=0.1)
-    quadratic: float = option(
-        0.0, "Standard deviation gained per square metre", unit="1/m", low=0.0, high=0.1
-    )
-    grazing_power: float = option(0.5, "Growth of the noise with the angle of view", low=0.0, high=4.0)
-    edge_jump: float = option(
-        0.06, "Depth step between neighbours that is an edge", unit="m", low=0.0, high=1.0
-    )
-    flying: float = option(0.0, "Share of edge pixels that land between the surfaces", low=0.0, high=1.0)
-    edge_loss: float = option(0.0, "Share of edge pixels that return nothing", low=0.0, high=1.0)
-    dropout: float = option(0.0, "Share of all pixels that return nothing", low=0.0, high=1.0)
-    grazing_limit: float = option(
-        80.0,
-        "Beyond this angle to the surface's normal most pixels return nothing",
-        unit="deg",
-        low=0.0,
-        high=90.0,
-    )
-    depth_step: float = option(0.001, "Quantisation of depth; 0 for none", unit="m", low=0.0, high=0.1)
-    disparity_step: float = option(
-        0.0, "Quantisation of 1/depth, as structured light has it; 0 for none", unit="1/m", low=0.0, high=0.1
-    )
+    constant: float = 0.002
+    """Standard deviation at no distance (m)."""
+    linear: float = 0.0
+    """Standard deviation gained per metre (m/m)."""
+    quadratic: float = 0.0
+    """Standard deviation gained per square metre (1/m)."""
+    grazing_power: float = 0.5
+    """Growth of the noise with the angle of view."""
+    edge_jump: float = 0.06
+    """Depth step between neighbours that is an edge (m)."""
+    flying: float = 0.0
+    """Share of edge pixels that land between the surfaces."""
+    edge_loss: float = 0.0
+    """Share of edge pixels that return nothing."""
+    dropout: float = 0.0
+    """Share of all pixels that return nothing."""
+    grazing_limit: float = 80.0
+    """Beyond this angle to the surface's normal most pixels return nothing (deg)."""
+    depth_step: float = 0.001
+    """Quantisation of depth; 0 for none (m)."""
+    disparity_step: float = 0.0
+    """Quantisation of 1/depth, as structured light has it; 0 for none (1/m)."""
 
 
 NO_NOISE = NoiseConfig(constant=0.0, grazing_limit=90.0, depth_step=0.0)

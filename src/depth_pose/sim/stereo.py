@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import grey_opening, maximum_filter, minimum_filter, uniform_filter
 
-from depth_pose.core.options import Checked, option
 from depth_pose.sim._scene_kernels import cast_shadow, look_aside
 from depth_pose.sim._stereo_kernels import fill_holes, smooth_rows
 from depth_pose.sim.fields import smooth_field, streaky_field
@@ -38,56 +37,47 @@ _LOGISTIC = 1.702
 
 
 @dataclass(frozen=True)
-class StereoConfig(Checked):
+class StereoConfig:
     """Parameters of a stereo camera's matching and driver; lengths in its own pixels."""
 
-    baseline: float = option(0.05, "Left to right camera", unit="m", low=0.01, high=1.0)
-    window: int = option(7, "Side of the matching window", unit="pixels", low=1, high=41)
-    fattening: float = option(0.6, "Share of edges over which near surfaces grow", low=0.0, high=1.0)
-    thin: float = option(0.3, "Share of objects thinner than half a window that vanish", low=0.0, high=1.0)
-    error: float = option(0.13, "Standard deviation of disparity", unit="pixels", low=0.0, high=2.0)
-    blob: float = option(9.0, "Size of the bumps of that error", unit="pixels", low=1.0, high=100.0)
-    flat: float = option(
-        1.5,
-        "Steps of disparity within a window that are matched as one surface",
-        unit="pixels",
-        low=0.0,
-        high=10.0,
-    )
-    step: float = option(1 / 32, "Steps of disparity", unit="pixels", low=0.0, high=1.0)
-    lost: float = option(
-        0.1, "Share of weak surfaces (dark, slanted, without texture) lost", low=0.0, high=1.0
-    )
-    edge_loss: float = option(0.2, "Share of edges lost", low=0.0, high=1.0)
-    smoothing: float = option(0.5, "The driver's spatial filter: weight of neighbours", low=0.0, high=0.95)
-    smooth_step: float = option(
-        0.6, "Steps of disparity that it smooths over", unit="pixels", low=0.0, high=50.0
-    )
-    temporal: float = option(
-        0.3, "The driver's temporal filter: share of the error that it removes", low=0.0, high=1.0
-    )
-    fill: int = option(
-        0, "Holes: 0 left, 1 filled from the left, 2 from the farther side, 3 from the nearer", low=0, high=3
-    )
-    rim: float = option(
-        0.0, "Standard deviation of the edges' displacement along rows", unit="pixels", low=0.0, high=20.0
-    )
-    mismatch: float = option(
-        0.0, "Share of weak surfaces that are matched wrongly, too near or too far", low=0.0, high=1.0
-    )
-    jump: float = option(
-        4.0, "Standard deviation of disparity where matched wrongly", unit="pixels", low=0.0, high=100.0
-    )
-    margin: int = option(
-        0, "Columns that the second camera does not show: 0 matched all the same, 1 lost", low=0, high=1
-    )
-    colour_offset: float = option(
-        0.0,
-        "Depth is aligned to a colour camera this far to the right; 0 for none",
-        unit="m",
-        low=-0.2,
-        high=0.2,
-    )
+    baseline: float = 0.05
+    """Left to right camera (m)."""
+    window: int = 7
+    """Side of the matching window (pixels)."""
+    fattening: float = 0.6
+    """Share of edges over which near surfaces grow."""
+    thin: float = 0.3
+    """Share of objects thinner than half a window that vanish."""
+    error: float = 0.13
+    """Standard deviation of disparity (pixels)."""
+    blob: float = 9.0
+    """Size of the bumps of that error (pixels)."""
+    flat: float = 1.5
+    """Steps of disparity within a window that are matched as one surface (pixels)."""
+    step: float = 1 / 32
+    """Steps of disparity (pixels)."""
+    lost: float = 0.1
+    """Share of weak surfaces (dark, slanted, without texture) lost."""
+    edge_loss: float = 0.2
+    """Share of edges lost."""
+    smoothing: float = 0.5
+    """The driver's spatial filter: weight of neighbours."""
+    smooth_step: float = 0.6
+    """Steps of disparity that it smooths over (pixels)."""
+    temporal: float = 0.3
+    """The driver's temporal filter: share of the error that it removes."""
+    fill: int = 0
+    """Holes: 0 left, 1 filled from the left, 2 from the farther side, 3 from the nearer."""
+    rim: float = 0.0
+    """Standard deviation of the edges' displacement along rows (pixels)."""
+    mismatch: float = 0.0
+    """Share of weak surfaces that are matched wrongly, too near or too far."""
+    jump: float = 4.0
+    """Standard deviation of disparity where matched wrongly (pixels)."""
+    margin: int = 0
+    """Columns that the second camera does not show: 0 matched all the same, 1 lost."""
+    colour_offset: float = 0.0
+    """Depth is aligned to a colour camera this far to the right; 0 for none (m)."""
 
     def scaled(self, factor: float) -> StereoConfig:
         """Return the same camera with images scaled in width by a factor."""
