@@ -81,6 +81,11 @@ if ! is_done venv "$root" || ! "$venv/bin/python" -c 'import pip' 2>/dev/null \
 fi
 
 version=$("$venv/bin/python" -V)
+lock=${DEPTH_POSE_LOCK:-launch_scripts/locks/$("$venv/bin/python" -c 'import sys; print("%d.%d" % sys.version_info[:2])').txt}
+if [ -f "$lock" ]; then # tested versions; for another Python, or with DEPTH_POSE_LOCK=none, pip chooses
+    export PIP_CONSTRAINT=$root/$lock
+    version+=$(cat "$lock")
+fi
 ros_key=$( (echo "$version"; sed -n '/^ros = \[/,/^test = \[/p' pyproject.toml) | digest)
 messages_key=$( (
     echo "$ros_key"

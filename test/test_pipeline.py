@@ -9,8 +9,9 @@ import pytest
 
 import synthetic as syn
 from depth_pose.core.camera import Camera
-from depth_pose.core.config import MAX_STAMP_GAP_NS, MatchConfig, PersonalConfig, PipelineConfig
+from depth_pose.core.config import MatchConfig, PersonalConfig, PipelineConfig
 from depth_pose.core.skeleton import JOINT_NODES, Source
+from depth_pose.core.stamps import LONGEST_SILENCE_NS
 from depth_pose.motion.procedural.generator import make_clip
 from depth_pose.pipeline import PosePipeline
 from depth_pose.recover.confidence import report_joints, skeleton_confidence
@@ -105,10 +106,20 @@ def test_a_long_gap_starts_afresh(bank, clip):
     frames = clip[0]
     fresh = PosePipeline(bank).process_frame(frames[5]).skeleton
     pipeline = PosePipeline(bank)
-    late = frames[5].stamp_ns - MAX_STAMP_GAP_NS - 1
+    late = frames[5].stamp_ns - LONGEST_SILENCE_NS - 1
     pipeline.process_frame(syn.DepthFrame(late, "optical", frames[0].depth, frames[0].camera))
     after = pipeline.process_frame(frames[5]).skeleton
     np.testing.assert_array_equal(after.positions, fresh.positions)
+
+
+def test_after_a_silence_of_a_second_people_are_the_same(bank, clip):
+    frames, joints = clip
+    pipeline = PosePipeline(bank)
+    ids = {pipeline.process_frame(frame).skeleton.body_id for frame in frames[:4]}
+    late = [replace(frame, stamp_ns=frame.stamp_ns + 1_000_000_000) for frame in frames[4:7]]
+    after = [pipeline.process_frame(frame).skeleton for frame in late]
+    assert {s.body_id for s in after} == ids and len(ids) == 1
+    assert max(syn.joint_error(s.positions, at) for s, at in zip(after, joints[4:7], strict=True)) < 0.06
 
 
 def test_somebody_leaves_and_comes_back(bank, clip):

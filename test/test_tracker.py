@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import doctest
 import json
+import pickle
 import subprocess
 import sys
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -212,6 +215,89 @@ def test_frame_numbers_are_not_times(fresh):
     fresh(GOOD, CAMERA, time=0)
     with pytest.raises(InputError, match="integers are nanoseconds"):
         fresh(GOOD, CAMERA, time=1)
+
+
+@pytest.mark.parametrize(
+    ("time", "says"),
+    [
+        (1e300, "at most 9e.09 seconds"),
+        (10**19, "at most 9e.09 seconds"),
+        (np.float32(1.7e9), "steps of 128 s"),
+        (np.float16(60.0), "float16"),
+    ],
+)
+def test_times_that_hold_no_time_are_refused(fresh, time, says):
+    with pytest.raises(InputError, match=says):
+        fresh(GOOD, CAMERA, time=time)
+
+
+def test_a_late_frame_is_skipped_with_a_warning_and_ids_are_kept(fresh, frame):
+    ids = [fresh(frame.depth, frame.camera, time=t)[0].id for t in (5.0, 5.04)]
+    with pytest.warns(RuntimeWarning, match=r"0\.040 s older than one before it"):
+        assert fresh(frame.depth, frame.camera, time=5.0) == ()
+    ids += [fresh(frame.depth, frame.camera, time=t)[0].id for t in (5.08, 6.2)]
+    assert len(set(ids)) == 1
+
+
+def test_a_frame_in_millimetres_is_refused(bank, frame):
+    with pytest.raises(InputError, match="these look like millimetres"):
+        Tracker(bank, quiet=True)(depth_pose.DepthFrame(0, "", 1000 * frame.depth, frame.camera))
+
+
+@pytest.mark.parametrize("dtype", ["uint16", "float32"])
+def test_masked_pixels_have_no_depth(fresh, frame, dtype):
+    depth = (1000 * frame.depth).round().astype("uint16") if dtype == "uint16" else frame.depth
+    spoilt, holes = depth.copy(), depth.copy()
+    mask = np.zeros(depth.shape, bool)
+    mask[:40] = mask[:, :30] = True
+    spoilt[mask], holes[mask] = depth[100, 88], 0
+    expected = fresh(holes, frame.camera)[0].positions
+    (found,) = fresh(np.ma.masked_array(spoilt, mask), frame.camera)
+    np.testing.assert_array_equal(found.positions, expected)
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        ({"config": 5}, "the settings are 5; give a mapping"),
+        ({"config": {"segment": 5}}, "segment is 5; it must be a mapping"),
+        ({"config": {"segment": {"far": "x"}}}, "segment.far is 'x'"),
+        ({"config": {7: {}}}, "no such section: 7"),
+        ({"config": "a.yaml"}, "the settings are 'a.yaml'"),
+        ({"bank": 5}, "bank is 5; give a Bank, or the path"),
+        ({"depth_scale": "mm"}, "depth_scale is 'mm'"),
+        ({"depth_scale": True}, "depth_scale is True"),
+        ({"frame_id": 5}, "frame_id is 5"),
+    ],
+)
+def test_wrong_settings_are_refused_with_what_to_give(settings, says):
+    with pytest.raises(ConfigError, match=says):
+        Tracker(quiet=True, **settings)
+
+
+def test_one_tracker_in_three_threads_is_refused_and_not_mixed(bank, frame):
+    tracker = Tracker(bank, quiet=True)
+
+    def track(number):
+        try:
+            return tracker(frame.depth, frame.camera, time=0.04 * number)
+        except InputError as error:
+            return str(error)
+
+    with ThreadPoolExecutor(3) as pool:
+        answers = list(pool.map(track, range(20)))
+    refused = [answer for answer in answers if isinstance(answer, str)]
+    assert refused and all(answer.endswith("make a Tracker for each") for answer in refused)
+    tracker.reset()
+    assert len(tracker(frame.depth, frame.camera, time=0.0)) == 1
+
+
+def test_a_tracker_is_not_pickled(tracker):
+    for copy_it in (pickle.dumps, copy.deepcopy):
+        with pytest.raises(
+            TypeError, match="a Tracker cannot be pickled or copied: make one in each process"
+        ):
+            copy_it(tracker)
 
 
 @pytest.mark.parametrize("time", [1.5, 1_500_000_000, np.float32(1.5), np.int64(1_500_000_000)])

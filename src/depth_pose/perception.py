@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import DenoiseConfig, MountConfig, SegmentConfig
 from depth_pose.core.mount import rotation_sensor_upright, up_direction
-from depth_pose.core.stamps import StampGuard
+from depth_pose.core.stamps import StampGuard, StampStep
 from depth_pose.core.types import HIDDEN, DepthFrame, TrackedPerson
 from depth_pose.core.zone import parse_zone
 from depth_pose.denoise.denoise import denoise_points
@@ -108,8 +108,11 @@ class Perception:
 
     def perceive(self, frame: DepthFrame) -> FramePeople:
         """Find people, denoise their points, assign ids, select among them, and prepare a view of each."""
-        if self._guard.is_break(frame.stamp_ns):
+        step = self._guard.step(frame.stamp_ns)
+        if step is StampStep.BREAK:
             self.reset()
+        elif step is StampStep.SILENCE:
+            self.segmenter.reset()
         seen = self.segmenter.segment(frame)
         points = denoise_points(seen.depth, seen.camera, *self._denoise)
         labels = np.where((seen.depth > 0) & np.isnan(points[..., 2]), np.uint8(HIDDEN), seen.labels)

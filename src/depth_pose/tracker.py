@@ -6,12 +6,13 @@
 from __future__ import annotations
 
 import math
+import threading
 import warnings
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +22,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.progress import loading
+from depth_pose.core.stamps import is_late
 from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.io.calibration import camera_from_info
 from depth_pose.io.clouds import frame_from_cloud
@@ -30,6 +32,12 @@ from depth_pose.pipeline import PosePipeline
 _LEAST_STEP_NS = 100_000
 """Integer times closer than this (10 kHz) are frame numbers or other units, not nanoseconds. Set by hand."""
 
+
+_MOST_S = 9e9
+"""Latest time (s): what 64 bits of nanoseconds hold."""
+
+_LEAST_SECONDS = 0.005
+"""Maximum step (s) of a floating-point time. Set by hand."""
 
 _CAMERA_CALL = "depth_pose.Camera.from_matrix(K, width=640, height=480)"
 
@@ -85,14 +93,20 @@ class Tracker:
         frame_id: str = "camera",
         quiet: bool = False,
     ) -> None:
-        if depth_scale is not None and not (math.isfinite(depth_scale) and depth_scale > 0):
-            raise ConfigError(f"depth_scale is {depth_scale}; it is metres per unit, above 0: 0.001")
+        if depth_scale is not None and not (_is_number(depth_scale) and 0.0 < depth_scale < math.inf):
+            raise ConfigError(f"depth_scale is {depth_scale!r}; it is metres per unit, above 0: 0.001")
+        if not isinstance(frame_id, str):
+            raise ConfigError(f"frame_id is {frame_id!r}; it is the name of the optical frame")
+        if not (bank is None or isinstance(bank, (Bank, Path, str))):
+            raise ConfigError(f"bank is {bank!r:.80}; give a Bank, or the path of one")
         if not isinstance(config, PipelineConfig):
             config = PipelineConfig.from_mapping(config or {})
         self._depth_scale, self._frame_id = depth_scale, frame_id
         self._last_ns: int | None = None
+        self._newest_ns: int | None = None
         self._is_unit_known = depth_scale is not None
         self._warned = frozenset[str]()
+        self._lock = threading.Lock()
         with ExitStack() as stack:
             if not quiet:
                 stack.enter_context(loading("the bank"))
@@ -115,8 +129,9 @@ class Tracker:
         camera : Camera
             The camera of a depth image; a cloud has none.
         time : float or int, optional
-            Seconds (float) or nanoseconds (int) of any clock. Memory of earlier frames is dropped where it
-            goes back, or ahead by more than 0.5 s. Without it, the frame is processed by itself.
+            Seconds (float) or nanoseconds (int) of any clock. Frames that are late by at most 0.5 s are
+            skipped with a warning. After more than 0.5 s poses are estimated anew; where time goes back, or
+            ahead by more than 2 s, everybody is new. Without a time, the frame is processed by itself.
 
         Returns
         -------
@@ -132,29 +147,61 @@ class Tracker:
         -----
         RuntimeWarning
             Once where the images look upside down, were resized with interpolation, or are a sparse grid, and
-            where nobody is found for a while, with the most likely cause.
+            where nobody is found for a while, with the most likely cause. Where a frame is late.
         """
+        if not self._lock.acquire(blocking=False):
+            raise InputError(
+                "this tracker is working on a frame in another thread: it follows one camera; make a Tracker "
+                "for each"
+            )
+        try:
+            return self._track(depth, camera, time)
+        finally:
+            self._lock.release()
+
+    def _track(
+        self, depth: ArrayLike | DepthFrame, camera: Camera | None, time: float | None
+    ) -> tuple[Skeleton, ...]:
         if isinstance(depth, DepthFrame):
             if camera is not None or time is not None:
                 raise InputError("a DepthFrame has its own camera and time: give it alone")
             frame = replace(depth, camera=_check_camera(depth.depth, depth.camera))
+            self._check_unit(frame.depth, frame.depth.dtype, 1.0)
         else:
-            frame = self._make_frame(np.asarray(depth), camera, self._stamp(time))
+            values = np.ma.filled(depth, 0) if np.ma.isMaskedArray(depth) else np.asarray(depth)
+            frame = self._make_frame(values, camera, self._stamp(time))
+        if self._is_late(frame.stamp_ns):
+            return ()
         skeletons = self._pipeline.process_frame(frame).skeletons
         self._warn()
         return skeletons
 
+    def __reduce__(self) -> NoReturn:
+        """Refuse to be pickled."""
+        raise TypeError("a Tracker cannot be pickled or copied: make one in each process, for each camera")
+
     def reset(self) -> None:
         """Forget all earlier frames; people get new ids."""
         self._pipeline.reset()
-        self._last_ns = None
+        self._last_ns = self._newest_ns = None
+
+    def _is_late(self, stamp_ns: int) -> bool:
+        """Check whether a frame is a little older than one before, and warn if it is."""
+        if is_late(stamp_ns, self._newest_ns):
+            assert self._newest_ns is not None, "a first frame is not late"
+            late_s = (self._newest_ns - stamp_ns) * 1e-9
+            line = f"a frame is skipped: it is {late_s:.3f} s older than one before it; sort frames by time"
+            warnings.warn(line, RuntimeWarning, stacklevel=4)
+            return True
+        self._newest_ns = stamp_ns
+        return False
 
     def _warn(self) -> None:
         """Issue each new warning about the frames once."""
         for line in self._pipeline.warnings:
             if line not in self._warned:
                 self._warned |= {line}
-                warnings.warn(line, RuntimeWarning, stacklevel=3)
+                warnings.warn(line, RuntimeWarning, stacklevel=4)
 
     def _stamp(self, time: float | None) -> int:
         """Convert a time to nanoseconds."""
@@ -165,7 +212,14 @@ class Tracker:
             raise InputError(f"time is {time!r}; give seconds as a float, or nanoseconds as an int")
         if not math.isfinite(time) or time < 0:
             raise InputError(f"time is {time}; it must be finite and not below 0")
+        if time > _MOST_S * (1.0 if isinstance(time, (float, np.floating)) else 1e9):
+            raise InputError(f"time is {time}; it is at most {_MOST_S:g} seconds, or as many nanoseconds")
         if isinstance(time, (float, np.floating)):
+            if float(np.spacing(time)) > _LEAST_SECONDS:
+                raise InputError(
+                    f"time is the {type(time).__name__} {time}, which has steps of {np.spacing(time):.3g} s: "
+                    "give float64, or integer nanoseconds"
+                )
             stamp = round(float(time) * 1e9)
         else:
             stamp = int(time)
@@ -220,6 +274,10 @@ class Tracker:
         if not is_indoors(median):
             raise InputError(_wrong_unit(median, dtype, scale))
         self._is_unit_known = True
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
 
 
 def _check_camera(image: NDArray[Any], camera: Camera | None) -> Camera:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import depth_pose
-from depth_pose.core.private_folder import is_writable, private_folder
+from depth_pose.core.private_folder import is_private, is_writable, private_folder
 
 _KERNEL = """
 import os, sys
@@ -108,3 +108,32 @@ def test_it_is_known_whether_a_kernel_is_compiled(script: Path, tmp_path: Path) 
     assert _run(asking, NUMBA_CACHE_DIR=str(cache))[0] == "True"
     asking.write_text(asking.read_text().replace("i * i", "i * 3"))  # another source
     assert _run(asking, NUMBA_CACHE_DIR=str(cache))[0] == "False"
+
+
+@pytest.mark.parametrize("mode", [0o777, 0o770, 0o775, 0o1777])
+def test_a_cache_that_others_may_write_to_is_not_used(script: Path, tmp_path: Path, mode: int) -> None:
+    """Its files are executed. The group's number is not the user's."""
+    shared, own = tmp_path / "shared", tmp_path / "own"
+    for folder in (shared, own):
+        folder.mkdir()
+    shared.chmod(mode)
+    if os.geteuid() == 0:
+        os.chown(shared, 0, 12345)
+    elif os.getegid() == os.geteuid() and not mode & 0o007:
+        return
+    answer = _run(script, NUMBA_CACHE_DIR=str(shared), TMPDIR=str(own))
+    assert answer == ["285", "0", str(own / f"depth_pose-{os.geteuid()}" / "kernels")]
+    assert not list(shared.iterdir())
+
+
+def test_who_may_write_to_a_folder_or_above_it(tmp_path: Path) -> None:
+    folder = tmp_path / "above" / "cache"
+    folder.mkdir(parents=True)
+    assert is_private(folder) and not is_private(tmp_path / "missing")
+    folder.parent.chmod(0o777)
+    assert not is_private(folder)
+    folder.parent.chmod(0o1777)
+    assert is_private(folder)
+    if os.geteuid() == 0:  # another account's
+        os.chown(folder, 12345, 0)
+        assert not is_private(folder)

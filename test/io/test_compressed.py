@@ -11,7 +11,7 @@ from numpy.testing import assert_array_equal
 from PIL import Image
 
 from depth_pose.core.errors import InputError
-from depth_pose.io.compressed import decode_compressed_depth
+from depth_pose.io.compressed import decode_compressed_depth, depth_encoding
 from depth_pose.io.mcap_read import DepthReader
 
 SIZES = [(1, 1), (3, 5), (48, 64), (144, 176)]
@@ -168,3 +168,62 @@ def test_recordings_of_it_are_read(tmp_path) -> None:
     (expected,) = DepthReader(plain)
     assert frame.camera == expected.camera
     assert_array_equal(frame.depth, expected.depth)
+
+
+@pytest.mark.parametrize(
+    "format", ["16UC1; compressedDepth", "16UC1; png compressed ", "png", "16UC1; compressedDepth png"]
+)
+def test_a_png_without_the_header_or_on_compressed_is_depth(format) -> None:
+    depth = depth_image(48, 64)
+    assert_array_equal(np.round(decode_compressed_depth(format, encode_png(depth)) * 1000), depth)
+
+
+@pytest.mark.parametrize("format", ["compressedDepth", "compressedDepth png", " ; compressedDepth rvl"])
+@pytest.mark.parametrize("encode", [encode_png, encode_rvl])
+def test_formats_without_the_encoding_are_millimetres(encode, format) -> None:
+    depth = depth_image(48, 64)
+    assert_array_equal(np.round(decode_compressed_depth(format, message(encode(depth))) * 1000), depth)
+
+
+@pytest.mark.parametrize(
+    "format", ["png", "16UC1; png compressed ", "rgb8; jpeg compressed bgr8", "jpeg", "8UC1; png", ""]
+)
+def test_colour_is_no_depth(format) -> None:
+    assert not depth_encoding(format, encode_png(np.zeros((9, 9), np.uint8)))
+    with pytest.raises(InputError, match="compressedDepth"):
+        decode_compressed_depth(format, encode_png(np.zeros((9, 9, 3), np.uint8)))
+
+
+def test_metres_without_the_header_are_refused() -> None:
+    with pytest.raises(InputError, match="no header"):
+        decode_compressed_depth("32FC1; compressedDepth png", encode_png(depth_image(9, 9)))
+
+
+@pytest.mark.parametrize(
+    ("topic", "format", "head"),
+    [
+        ("/camera/depth/image_raw/compressed", "16UC1; png compressed ", b""),
+        ("/camera/depth/packed", "16UC1; compressedDepth png", struct.pack("<iff", 0, 0, 0)),
+        ("/camera/depth/image_raw/compressedDepth", "16UC1; compressedDepth", b""),
+    ],
+)
+def test_depth_topics_are_found_by_their_content(tmp_path, topic, format, head) -> None:
+    from depth_pose.core.types import Camera
+    from depth_pose.io import schemas
+    from depth_pose.io.mcap_write import RecordingWriter
+    from depth_pose.io.messages import write_camera_info, write_message
+
+    depth, camera = depth_image(48, 64), Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
+    data = np.frombuffer(head + encode_png(depth), np.uint8)
+    colour = np.frombuffer(encode_png(np.zeros((48, 64, 3), np.uint8)), np.uint8)
+    with RecordingWriter(tmp_path / "a.mcap") as out:
+        info = write_camera_info(1, "optical", camera)
+        out.write_message("/camera/depth/camera_info", schemas.CAMERA_INFO, 1, info)
+        for name, body, kind in (
+            ("/camera/color/compressed", colour, "rgb8; png compressed bgr8"),
+            (topic, data, format),
+        ):
+            image = write_message(schemas.COMPRESSED, 1, "optical", format=kind, data=body)
+            out.write_message(name, schemas.COMPRESSED, 1, image)
+    (frame,) = DepthReader(tmp_path / "a.mcap")
+    assert_array_equal(np.round(frame.depth * 1000), depth)

@@ -7,9 +7,11 @@ import pytest
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
-from depth_pose.io.calibration import camera_from_info, distort, rectify_depth
-from depth_pose.io.clouds import camera_from_points, decode_points, frame_from_cloud
-from depth_pose.io.decode import MAX_PIXELS, decode_depth
+from depth_pose.io.calibration import Lens, camera_from_info
+from depth_pose.io.clouds import R_BODY_OPTICAL, camera_from_points, decode_points, frame_from_cloud
+from depth_pose.io.decode import MAX_PIXELS, decode_depth, is_order_wrong
+from depth_pose.io.distortion import OPENCV, distort, distortion_of
+from depth_pose.io.rectification import rectify_depth
 
 K = (225.0, 0.0, 87.5, 0.0, 225.0, 71.5, 0.0, 0.0, 1.0)
 
@@ -41,6 +43,33 @@ def test_metres_with_padded_rows(big: bool) -> None:
     rows[:, 3:] = 99.0
     depth = decode_depth(memoryview(rows.tobytes()), 2, 3, 20, "32FC1", int(big))
     np.testing.assert_array_equal(depth, np.array([[1.5, 0, 0], [0, 2.25, 0]], np.float32))
+
+
+def _noisy_wall(millimetres: bool) -> np.ndarray:
+    metres = _wall(CAMERA)[..., 2] + np.random.default_rng(0).normal(0, 0.004, (144, 176))
+    metres[30:50, 60:100] = 0.0
+    return np.round(1000 * metres).astype(np.uint16) if millimetres else metres.astype(np.float32)
+
+
+@pytest.mark.parametrize("encoding", ["16UC1", "32FC1"])
+@pytest.mark.parametrize("is_big", [False, True])
+@pytest.mark.parametrize("says_big", [False, True])
+def test_a_wrong_byte_order_is_seen(encoding: str, is_big: bool, says_big: bool) -> None:
+    image = _noisy_wall(encoding == "16UC1")
+    order = ">" if is_big else "<"
+    data = image.astype(image.dtype.newbyteorder(order)).tobytes()
+    size = (144, 176, 176 * image.itemsize, encoding)
+    assert is_order_wrong(data, *size, says_big) is (is_big != says_big)
+
+
+def test_images_without_depth_or_of_noise_say_nothing_about_the_order() -> None:
+    noise = np.random.default_rng(1).integers(0, 65536, (144, 176)).astype(np.uint16)
+    flat, empty = np.full((144, 176), 2000, np.uint16), np.zeros((144, 176), np.uint16)
+    for image in (noise, flat, empty, noise.view("<u2") % 7):
+        assert not is_order_wrong(image.tobytes(), 144, 176, 352, "16UC1", False)
+        assert not is_order_wrong(image.tobytes(), 144, 176, 352, "16UC1", True) or image is not noise
+    assert not is_order_wrong(bytes(10), 144, 176, 352, "16UC1")
+    assert not is_order_wrong(np.full((4, 4), np.nan, "<f4").tobytes(), 4, 4, 16, "32FC1")
 
 
 @pytest.mark.parametrize(
@@ -89,9 +118,9 @@ def test_calibration_gives_the_camera() -> None:
 
 def test_no_distortion_changes_nothing() -> None:
     depth = np.ones((144, 176), np.float32)
-    assert rectify_depth(depth, CAMERA, [0.0] * 5) is depth
+    assert rectify_depth(depth, Lens(CAMERA)).depth is depth
     with pytest.raises(InputError, match="176 x 100"):
-        rectify_depth(depth[:100], CAMERA, [])
+        rectify_depth(depth[:100], Lens(CAMERA))
 
 
 @pytest.mark.parametrize(
@@ -104,23 +133,25 @@ def test_no_distortion_changes_nothing() -> None:
 )
 def test_rectified_wall_is_flat(model: str, d: tuple[float, ...]) -> None:
     """Each distorted pixel is given the wall's depth on its ideal ray, found by iteration."""
-    ideal = _wall(CAMERA)[..., 2]
+    lens = Lens(CAMERA, *distortion_of(d, model))
     v, u = np.mgrid[:144, :176].astype(float)
     a_seen, b_seen = (u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy
     a, b = a_seen.copy(), b_seen.copy()
     for _ in range(60):
-        a_now, b_now = distort(a, b, d, model)
+        a_now, b_now = distort(a, b, lens.d, lens.model)
         a, b = a + a_seen - a_now, b + b_seen - b_now
     seen = (2.0 / (1 - 0.3 * a)).astype(np.float32)
-    rectified = rectify_depth(seen, CAMERA, d, model)
-    inside = rectified > 0
-    assert inside.mean() > 0.8
-    assert np.abs(rectified - ideal)[inside].max() < 0.004  # half a pixel along the slope
-    assert np.abs(seen - ideal).max() > 0.012
+    found = rectify_depth(seen, lens)
+    inside = found.depth > 0
+    assert found.filled == pytest.approx(inside.mean()) and inside.sum() > 0.9 * CAMERA.width * CAMERA.height
+    assert (
+        np.abs(found.depth - _wall(found.camera)[..., 2])[inside].max() < 0.004
+    )  # half a pixel along the slope
+    assert np.abs(seen - _wall(CAMERA)[..., 2]).max() > 0.012
 
 
 def test_plumb_bob_formula() -> None:
-    a, b = distort(np.array(0.3), np.array(-0.2), (0.1, 0.2, 0.01, 0.02, 0.3), "plumb_bob")
+    a, b = distort(np.array(0.3), np.array(-0.2), (0.1, 0.2, 0.01, 0.02, 0.3), OPENCV)
     r2 = 0.13
     radial = 1 + 0.1 * r2 + 0.2 * r2**2 + 0.3 * r2**3
     assert a == pytest.approx(0.3 * radial + 2 * 0.01 * 0.3 * -0.2 + 0.02 * (r2 + 2 * 0.09))
@@ -224,6 +255,23 @@ def test_cloud_from_spinning_sensor_is_projected() -> None:
     assert np.median(frame.depth[frame.depth > 0]) < 4
 
 
+@pytest.mark.parametrize("organised", [True, False])
+@pytest.mark.parametrize("pitch_deg", [-35.0, 0.0, 35.0])
+def test_a_cloud_in_a_body_frame_is_turned(organised: bool, pitch_deg: float) -> None:
+    """Turned back it is the cloud of the optical frame, whichever way the sensor looks."""
+    pitch = np.radians(pitch_deg)
+    looks = np.array([0.0, np.sin(pitch), np.cos(pitch)])
+    v, u = np.mgrid[:144, :176].astype(float)
+    rays = np.stack([(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, np.ones_like(u)], axis=-1)
+    points = (rays * (3.0 / (rays @ looks))[..., None]).astype(np.float32)
+    optical = points if organised else points.reshape(-1, 3)
+    body = optical @ R_BODY_OPTICAL.T.astype(np.float32)
+    frame, expected = frame_from_cloud(body, 0, "camera_link"), frame_from_cloud(optical, 0, "optical")
+    assert (frame.frame_id, expected.frame_id) == ("camera_link_optical", "optical")
+    np.testing.assert_allclose(frame.camera, expected.camera, atol=1e-3)
+    np.testing.assert_allclose(frame.depth, expected.depth, atol=1e-5)
+
+
 def test_nothing_in_front_is_refused() -> None:
     with pytest.raises(InputError, match="optical"):
         frame_from_cloud(np.array([[0.0, 0, -1], [1, 1, np.nan]]), 0, "x")
@@ -259,11 +307,12 @@ def test_rectifying_the_largest_image_takes_little_memory() -> None:
     camera = Camera(4096, 4096, 3000.0, 3000.0, 2048.0, 2048.0)
     depth = np.ones((4096, 4096), np.float32)
     tracemalloc.start()
-    out = rectify_depth(depth, camera, (0.1, 0.01, 0.0, 0.0, 0.0))
+    found = rectify_depth(depth, Lens(camera, OPENCV, (0.1, 0.01, 0.0, 0.0, 0.0)))
     most = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert out[2048, 2048] == 1.0
-    assert most < 15 * depth.size  # bytes; the image and what is kept are 13 a pixel
+    camera = found.camera
+    assert found.depth[round(camera.cy), round(camera.cx)] == 1.0
+    assert most < 15 * depth.size  # bytes; the image and what is kept are 14 a pixel
 
 
 def test_rectifications_that_are_kept_are_bounded() -> None:
@@ -273,11 +322,11 @@ def test_rectifications_that_are_kept_are_bounded() -> None:
     cameras = [Camera(1024, 512, 900.0 + i, 900.0, 512.0, 256.0) for i in range(48)]
     tracemalloc.start()
     for camera in cameras:
-        rectify_depth(depth, camera, (0.1, 0.0, 0.0, 0.0))
+        rectify_depth(depth, Lens(camera, OPENCV, (0.1, 0.0, 0.0, 0.0)))
     kept = tracemalloc.get_traced_memory()[0]
     tracemalloc.reset_peak()
     for camera in cameras[-9:]:
-        rectify_depth(depth, camera, (0.1, 0.0, 0.0, 0.0))
+        rectify_depth(depth, Lens(camera, OPENCV, (0.1, 0.0, 0.0, 0.0)))
     most = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert kept < 10 * MAX_PIXELS  # bytes; 9 a pixel

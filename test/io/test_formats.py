@@ -6,10 +6,12 @@ import json
 import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from damaged import CAMERA, IMAGE, INFO, STEP_NS, depth_mm, messages, write
 from mcap.writer import Writer
 from PIL import Image
@@ -18,6 +20,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
+from depth_pose.archive.inputs import find_sources
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.types import DepthFrame
 from depth_pose.io import schemas
@@ -472,3 +475,80 @@ def test_names_and_archives_that_are_no_images_times(tmp_path: Path) -> None:
     reader = DepthReader(path, images=GIVEN)
     assert [f.stamp_ns for f in reader] == [1_000_000_000, 1_000_000_000 + STEP_NS]
     assert "2 damaged images, left out" in reader.damage[0]
+
+
+S = 1_000_000_000
+TIMES = {
+    "1305031453.374112": 1_305_031_453 * S + 374_112_000,
+    "1700000000123": 1_700_000_000 * S + 123_000_000,
+    "1700000000123456": 1_700_000_000 * S + 123_456_000,
+    "1700000000123456789": 1_700_000_000 * S + 123_456_789,
+    "depth_1700000000123": 1_700_000_000 * S + 123_000_000,
+    "2023-11-14_22-13-20.250": 1_700_000_000 * S + 250_000_000,
+    "20231114T221320": 1_700_000_000 * S,
+    "000001": None,
+    "frame-000000.depth": None,
+    "2023-13-14_22-13-20": None,
+    "9999999999123": None,
+}
+
+
+@pytest.mark.parametrize("name", TIMES)
+def test_names_that_are_times_are_stamps_and_others_are_reported(tmp_path, name):
+    np.save(tmp_path / f"{name}.npy", np.full((48, 64), 2.0, np.float32))
+    reader = DepthReader(tmp_path, images=replace(GIVEN, fps=None))
+    (frame,) = reader
+    noted = [line for line in reader.warnings if "30 a second are assumed" in line]
+    assert frame.stamp_ns == (TIMES[name] or S) and len(noted) == (TIMES[name] is None)
+    assert not any("are no times" in line for line in DepthReader(tmp_path, images=GIVEN).warnings)
+
+
+@pytest.mark.parametrize("rest", [b"", bytes(1 << 16), b"\x89MCAP0\r\n"], ids=["empty", "zeros", "cut"])
+@pytest.mark.parametrize("metadata", [True, False])
+@pytest.mark.parametrize("bad", [0, 1])
+def test_intact_parts_of_a_split_bag_are_used(tmp_path: Path, rest: bytes, metadata: bool, bad: int) -> None:
+    whole = _rosbag2(tmp_path / "whole", StoragePlugin.MCAP)
+    (data,) = whole.glob("*.mcap")
+    folder = tmp_path / "split"
+    folder.mkdir()
+    for part in (0, 1):
+        (folder / f"bag_{part}.mcap").write_bytes(rest if part == bad else data.read_bytes())
+    if metadata:
+        values = yaml.safe_load((whole / "metadata.yaml").read_text())
+        values["rosbag2_bagfile_information"]["relative_file_paths"] = ["bag_0.mcap", "bag_1.mcap"]
+        (folder / "metadata.yaml").write_text(yaml.safe_dump(values))
+    reader = DepthReader(folder)
+    assert len(list(reader)) == FRAMES
+    assert any(f"bag_{bad}.mcap" in line for line in reader.damage)
+    with pytest.raises(InputError, match="bag_0"):
+        (folder / f"bag_{1 - bad}.mcap").write_bytes(rest)
+        list(DepthReader(folder))
+
+
+@pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_packed_files_without_metadata_are_read(tmp_path: Path, plugin: StoragePlugin) -> None:
+    folder = _rosbag2(tmp_path / "a", plugin, CompressionMode.FILE)
+    (folder / "metadata.yaml").unlink()
+    assert len(list(DepthReader(folder))) == FRAMES
+    (source,) = find_sources([folder])
+    assert len(list(DepthReader(source.path))) == FRAMES and not source.name.endswith(".mcap")
+
+
+@pytest.mark.parametrize("ending", [".tiff", ".PGM", ".exr"])
+def test_images_of_other_formats_are_named_with_what_to_do(tmp_path: Path, ending: str) -> None:
+    (tmp_path / f"1{ending}").write_bytes(b"II*\0")
+    says = f"its {ending.lower()} images are not read: convert them to 16-bit PNG"
+    with pytest.raises(InputError, match=says):
+        Recording(tmp_path, GIVEN)
+    with pytest.raises(InputError, match=says):
+        find_sources([tmp_path])
+
+
+def test_a_second_name_of_a_recording_is_mentioned(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    write(tmp_path / "a.mcap")
+    (tmp_path / "b.mcap").symlink_to(tmp_path / "a.mcap")
+    (source,) = find_sources([tmp_path])
+    assert source.name == "a"
+    assert [r.message for r in caplog.records] == [
+        f"{tmp_path / 'b.mcap'} is the same recording as {tmp_path / 'a.mcap'}: it is run once"
+    ]

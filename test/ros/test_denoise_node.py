@@ -165,12 +165,12 @@ def test_bad_frames_are_counted_and_good_ones_answered(start, peer, frames):
     again = at(image_msg(frames[8], "32FC1"), stamp_ns)
     answer_to(peer, answers, lambda: images.publish(again), stamp_ns, process)
     answers.clear()
-    first = image_msg(frames[0])  # back in time
-    back = answer_to(peer, answers, lambda: images.publish(first), frames[0].stamp_ns, process)
-    assert_same_cloud(
-        back,
-        Perception(SegmentConfig(), DenoiseConfig()).perceive(image_to_frame(first, info_msg(frames[0]))),
-    )
+    first, older = image_msg(frames[0]), itertools.count(start_ns - 10_000_000_000, 40_000_000)
+    peer.ask(lambda: images.publish(at(first, next(older))), lambda: answers, what="an answer back in time")
+    back = at(first, stamp_to_ns(answers[0].header.stamp))
+    assert stamp_to_ns(back.header.stamp) > start_ns - 10_000_000_000  # the first one is not believed yet
+    perception = Perception(SegmentConfig(), DenoiseConfig())
+    assert_same_cloud(answers[0], perception.perceive(image_to_frame(back, info_msg(frames[0]))))
     assert process.process.poll() is None
 
 

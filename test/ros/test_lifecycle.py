@@ -4,6 +4,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import State, Transition
@@ -133,3 +134,33 @@ def test_asks_again_where_an_answer_is_lost(peer, monkeypatch):
 def test_says_so_where_nothing_runs(domain):
     with pytest.raises(DepthPoseError, match="is the node running"):
         set_active(False, ["nobody"], timeout_s=1.0)
+
+
+_STATES = {
+    ("unconfigured", Transition.TRANSITION_CONFIGURE): "inactive",
+    ("inactive", Transition.TRANSITION_ACTIVATE): "active",
+    ("inactive", Transition.TRANSITION_CLEANUP): "unconfigured",
+    ("active", Transition.TRANSITION_DEACTIVATE): "inactive",
+}
+"""The transitions that are possible, but for those that end the node."""
+
+
+def test_200_random_transitions_are_all_answered(start, peer):
+    """Those that are not possible are refused with a line; the node works on."""
+    process = start(TRIAL, "--ros-args", "-p", "autostart:=false")
+    peer.until(lambda: peer.node.count_publishers("/diagnostics"), what="the node")
+    rng, now, refused = np.random.default_rng(3), "unconfigured", 0
+    steps = sorted({step for _, step in _STATES}) + [77]
+    for _ in range(200):
+        step = int(rng.choice(steps))
+        after = _STATES.get((now, step))
+        assert change(peer, step) is (after is not None), (now, step, process.output[-2000:])
+        refused += after is None
+        now = after or now
+    assert state(peer) == now
+    process.wait_for("is not possible from")
+    assert process.output.count("is not possible from") >= refused - 1 and refused > 50
+    assert "Traceback" not in process.output
+    bring(True, ["trial"])
+    answers, sender = peer.listen(Header, ANSWER, HEARING), Sender(peer)
+    peer.until(lambda: sender.send(1) or answers, what="an answer")

@@ -172,6 +172,13 @@ def test_a_source_that_there_is_not_is_refused(skeleton):
     ("joint_states", np.full(19, 250, np.uint8), "has the state 250"),
     ("build", np.zeros(2, np.float32), "has 2 numbers"),
     ("build", np.full(13, np.nan, np.float32), "has the number nan"),
+    ("joint_confidence", np.full(19, np.nan, np.float32), "has the confidence nan"),
+    ("joint_confidence", np.full(19, 1.5, np.float32), "has the confidence 1.5"),
+    ("joint_confidence", np.full(19, -1.0, np.float32), "has the confidence -1"),
+    ("confidence", float("nan"), "has the confidence nan"),
+    ("confidence", 7.0, "has the confidence 7"),
+    ("residual", float("nan"), "has the number nan"),
+    ("residual", 1e30, "has the number 1e\\+30"),
 ])  # fmt: skip
 def test_numbers_that_no_skeleton_has_are_refused(skeleton, field, value, says):
     with pytest.raises(InputError, match=says):

@@ -17,14 +17,13 @@ MESSAGES = ROOT / "ros_ws" / "src" / "depth_pose_msgs"
 NOBLE = {
     "matplotlib": ("python3-matplotlib", "3.6.3"),
     "numpy": ("python3-numpy", "1.26.4"),
-    "pillow": ("python3-pil", "10.2.0"),
     "pyyaml": ("python3-yaml", "6.0.1"),
     "rich": ("python3-rich", "13.7.1"),
     "scipy": ("python3-scipy", "1.11.4"),
 }
 """Libraries of Ubuntu 24.04 that are new enough: their rosdep keys and versions there.
 
-Its typer is 0.9, which does not know ``str | None``, its numba 0.58: these come with pip.
+Its typer is 0.9, which does not know ``str | None``, its numba 0.58, its pillow 10.2: these come with pip.
 """
 
 
@@ -84,7 +83,9 @@ def test_manifests_name_nothing_else():
 def test_what_the_sources_import_is_in_the_list():
     names = {PACKAGES.get(name, name) for name in imported()}
     ours = {name for name in names if not re.fullmatch(ROS, name)}
-    assert set(NOBLE) | {"threadpoolctl", "mcap", "numba", "onnxruntime", "typer", "rosbags"} <= ours
+    assert (
+        set(NOBLE) | {"threadpoolctl", "mcap", "numba", "onnxruntime", "pillow", "typer", "rosbags"} <= ours
+    )
     listed = requirements("dependencies", *sorted(set(EXTRAS.values())), "remote")
     ours |= {"open3d", "libusb-package"}  # core/open3d.py imports them by their names
     assert ours - set(listed) == set(BROUGHT)

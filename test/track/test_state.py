@@ -8,6 +8,7 @@ import pytest
 
 import synthetic as syn
 from depth_pose.core.config import MAX_STAMP_GAP_NS
+from depth_pose.core.stamps import LONGEST_SILENCE_NS
 from depth_pose.track.state import RETURN_NS, Answer, Evidence, PersonState, PersonStates, Shape
 
 STEP_NS = 40_000_000
@@ -92,7 +93,7 @@ def test_a_person_who_is_lost_keeps_shape_and_standing():
     assert lost == marked(0.1)._replace(answer=Answer(lead=0.1, is_waiting=True))
 
 
-@pytest.mark.parametrize("step_ns", [-1, MAX_STAMP_GAP_NS + 1])
+@pytest.mark.parametrize("step_ns", [-1, LONGEST_SILENCE_NS + 1])
 def test_a_break_of_the_stamps_forgets_everybody(people, step_ns):
     states = PersonStates()
     see(states, people, 10 * STEP_NS, "body_1", "body_2")

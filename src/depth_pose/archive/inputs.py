@@ -9,6 +9,7 @@ recordings and folders.
 from __future__ import annotations
 
 import glob
+import logging
 import os
 import re
 from collections import Counter
@@ -19,10 +20,12 @@ from pathlib import Path
 
 from depth_pose.archive.remote import find_remote, is_remote
 from depth_pose.core.errors import ConfigError, InputError
-from depth_pose.io._formats import ENDINGS
+from depth_pose.io._formats import ENDINGS, images_hint
 from depth_pose.io._rosbag2_folder import METADATA
 from depth_pose.io.image_folder import CAMERA_FILE, image_files
 from depth_pose.io.recording import read_span, recording_files
+
+_log = logging.getLogger(__name__)
 
 ENDING = ".mcap"
 """File extension of the skeletons."""
@@ -123,7 +126,7 @@ def find_sources(inputs: Iterable[str | Path], but: Path | None = None) -> list[
     """
     inputs, but = list(inputs), but.resolve() if but else None
     found: dict[Path, str] = {}
-    known: set[Path] = set()
+    known: dict[Path, Path] = {}
     remote: list[Source] = []
     for given in inputs:
         if is_remote(str(given)):
@@ -134,15 +137,19 @@ def find_sources(inputs: Iterable[str | Path], but: Path | None = None) -> list[
             continue
         there = list(_look(str(given), but))
         for path, name in there:
-            if path.resolve() not in known:
-                known.add(path.resolve())
+            full = path.resolve()
+            if full not in known:
+                known[full] = path
                 found[path] = name
+            elif known[full] != path:
+                _log.warning("%s is the same recording as %s: it is run once", path, known[full])
         if not there and not Path(given).exists():
             outside = _outside([given], but)
             raise InputError(f"{given} cannot be read: there is no such file or folder{outside}")
     if not found and not remote:
         where = ", ".join(map(str, inputs)) + _outside(inputs, but)
-        raise InputError(f"there is no recording ({', '.join(ENDINGS)}) in {where}")
+        hints = {images_hint(Path(given)) for given in inputs if not is_remote(str(given))}
+        raise InputError(f"there is no recording ({', '.join(ENDINGS)}) in {where}{''.join(sorted(hints))}")
     found = _with_whole_splits(found)
     local = [Source(path, name, _size(path)) for path, name in _told_apart(found).items()]
     return _with_remote(local, remote)
@@ -173,7 +180,7 @@ def _look(given: str, but: Path | None) -> Iterator[tuple[Path, str]]:
     elif path.is_dir():
         yield from _walk(path, path, but)
     elif path.exists():
-        yield path, path.stem
+        yield path, _without_ending(path).name
     elif glob.has_magic(given):
         fixed = _fixed_part(given)
         for match in sorted(map(Path, glob.glob(given, recursive=True))):
@@ -181,7 +188,7 @@ def _look(given: str, but: Path | None) -> Iterator[tuple[Path, str]]:
                 continue
             if match.is_dir():
                 yield from _walk(match, fixed, but)
-            elif match.suffix in ENDINGS and not _is_within(match, but):
+            elif match.name.endswith(ENDINGS) and not _is_within(match, but):
                 yield match, _name(match, fixed)
 
 
@@ -225,7 +232,12 @@ def _name(path: Path, root: Path) -> str:
     if path == root:
         return path.resolve().name
     name = path.relative_to(root)
-    return str(name if path.is_dir() else name.with_suffix(""))
+    return str(name if path.is_dir() else _without_ending(name))
+
+
+def _without_ending(path: Path) -> Path:
+    ending = max((e for e in ENDINGS if path.name.endswith(e)), key=len, default=path.suffix)
+    return path.with_name(path.name.removesuffix(ending))
 
 
 def _with_whole_splits(found: dict[Path, str]) -> dict[Path, str]:

@@ -27,7 +27,7 @@ from depth_pose.cli.settings import add_to as add_settings
 from depth_pose.cli.simulation import add_to as add_simulation
 from depth_pose.cli.view import add_to as add_view
 from depth_pose.cli.volume import app as volume_app
-from depth_pose.core.errors import ConfigError, DepthPoseError
+from depth_pose.core.errors import ConfigError, DepthPoseError, raise_if_interrupted
 from depth_pose.core.printable import printable_lines
 
 app = typer.Typer(
@@ -106,6 +106,9 @@ def run_command() -> None:
     except MemoryError as error:
         tell_error(f"there is too little memory{f': {error}' if str(error) else ''}")
         sys.exit(1)
+    except SystemError as error:
+        raise_if_interrupted(error)
+        raise
     except BrokenPipeError:
         sys.exit(1)
     except OSError as error:  # a full disk, a folder that must not be read

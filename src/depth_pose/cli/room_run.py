@@ -20,7 +20,7 @@ from depth_pose.io.image_options import ImageOptions
 if TYPE_CHECKING:
     from depth_pose.rooms.offline import RoomSummary
     from depth_pose.rooms.rigfile import Rig
-    from depth_pose.rooms.watching import Watched
+    from depth_pose.rooms.watching import Watch, Watched
 
 
 def check_room_options(**given: Any) -> None:
@@ -51,16 +51,18 @@ def run_room(
     from depth_pose.bank import Bank, default_bank_path
     from depth_pose.io.mcap_write import PartlyWritten
     from depth_pose.rooms.fusion import RoomFusion
-    from depth_pose.rooms.offline import process_room
+    from depth_pose.rooms.offline import misfits, process_room
     from depth_pose.rooms.watching import Watch, watch_all
 
     bank = bank or default_bank_path()
     watch = Watch(bank, config, depth_topic, images)
+    _check_cameras(rig, recordings, watch)
     with tempfile.TemporaryDirectory(prefix="depth_pose_") as folder:
         with progress_bar("each camera", 100 * len(recordings)) as update:
             watched = watch_all(recordings, watch, Path(folder), workers, _share_of(len(recordings), update))
         with loading("the bank"):
             fusion = RoomFusion(Bank.load(bank), rig, config)
+        warn(f"{rig_file}: {line}" for line in misfits(watched, fusion))
         try:
             with progress_bar("the room", sum(len(w.stamps_ns) for w in watched)) as update:
                 summary = process_room(watched, fusion, output, update, markers=markers)
@@ -81,6 +83,18 @@ def _check(rig: Rig, rig_file: Path, recordings: Sequence[Path]) -> None:
         )
     if len({path.resolve() for path in recordings}) < len(recordings):
         raise ConfigError("the same recording is given twice; each camera needs its own")
+
+
+def _check_cameras(rig: Rig, recordings: Sequence[Path], watch: Watch) -> None:
+    """Check before the work that each recording is of the rig's camera."""
+    from depth_pose.io.mcap_read import DepthReader
+    from depth_pose.rooms.rig_checks import check_recorded
+
+    first = [
+        next(iter(DepthReader(path, watch.depth_topic, watch.images, tell=False))).camera
+        for path in recordings
+    ]
+    check_recorded([c.name for c in rig.cameras], [c.camera for c in rig.cameras], recordings, first)
 
 
 def _share_of(count: int, update: Callable[[int], None]) -> Callable[[int, float], None]:

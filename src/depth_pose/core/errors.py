@@ -17,3 +17,12 @@ class BankError(DepthPoseError):
 
 class ConfigError(DepthPoseError):
     """A setting is unknown or out of its range."""
+
+
+def raise_if_interrupted(error: BaseException) -> None:
+    """Raise KeyboardInterrupt if it caused an error: compiled code turns it into a SystemError."""
+    seen: BaseException | None = error
+    while seen is not None:
+        if isinstance(seen, KeyboardInterrupt):
+            raise KeyboardInterrupt from None
+        seen = seen.__cause__ or seen.__context__

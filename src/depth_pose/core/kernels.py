@@ -1,7 +1,8 @@
 """Compiled kernels: numba's `njit`, cached on disk wherever a folder can be written.
 
 numba keeps compiled code beside the source, else in the user's cache, and refuses ``cache=True`` where
-neither can be written. A private folder takes their place; without one, each process compiles its kernels.
+neither can be written. A private folder takes their place, also of a cache that another account could write
+to, since cached code is executed; without one, each process compiles its kernels.
 Where files of the cache are damaged, as a power cut leaves them, their kernel is compiled again.
 """
 
@@ -15,7 +16,8 @@ from typing import Any
 import numba
 from numba.core.caching import FunctionCache
 
-from depth_pose.core.private_folder import is_writable, private_folder
+from depth_pose.core.errors import raise_if_interrupted
+from depth_pose.core.private_folder import is_private, is_writable, private_folder
 
 
 def njit(*functions: Callable[..., Any], **options: Any) -> Any:
@@ -46,7 +48,8 @@ class _MendingCache(FunctionCache):
         """Return the compiled code, or None: not cached, or damaged."""
         try:
             return super().load_overload(sig, target_context)
-        except Exception:  # unpickling and LLVM raise any type; after None numba compiles and saves
+        except Exception as error:  # unpickling and LLVM raise any type; after None numba compiles and saves
+            raise_if_interrupted(error)
             self.flush()
             return None
 
@@ -57,13 +60,15 @@ class _MendingCache(FunctionCache):
 
 def _find_cache() -> bool:
     """Return whether numba has a folder for its cache; name a private one where it has no other."""
+    beside = Path(__file__).parent / "__pycache__"
     given = os.environ.get("NUMBA_CACHE_DIR")
     if given:
         usual = [Path(given)]
     else:
         home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-        usual = [Path(__file__).parent / "__pycache__", Path(home) / "numba"]
-    if any(map(is_writable, usual)):
+        usual = [beside, Path(home) / "numba"]
+    # what stands beside the source is as safe as the source; other folders may be open to other accounts
+    if any(is_writable(f) and (f == beside or is_private(f)) for f in usual):
         return True
     own = private_folder("kernels")
     if own is None:

@@ -82,7 +82,7 @@ def from_mapping(config: type[T], values: Mapping[str, Any]) -> T:
         Where a key is unknown, or a value is of the wrong type or out of range.
     """
     known = {o.name: o for o in options(config)}
-    unknown = sorted(set(values) - set(known))
+    unknown = sorted(map(str, set(values) - set(known)))
     if unknown:
         raise ConfigError(
             f"{config.__name__} has no setting {', '.join(unknown)}; it has {', '.join(sorted(known))}"
@@ -107,6 +107,8 @@ def _as(kind: type, value: Any, where: str) -> Any:
 
 def _section(name: str, config: type[T], values: Mapping[str, Any]) -> T:
     """Make one section; error messages name the section, as parameter files do."""
+    if not isinstance(values, Mapping):
+        raise ConfigError(f"{name} is {values!r:.80}; it must be a mapping of settings")
     _refuse_removed(name, set(values) - {o.name for o in options(config)})
     try:
         return from_mapping(config, values)
@@ -127,7 +129,10 @@ class Sections:
     def from_mapping(cls: type[T], values: Mapping[str, Mapping[str, Any]]) -> T:
         """Make it from nested mappings, ``{"segment": {"near": 0.5}}``; unknown keys are errors."""
         sections: dict[str, Any] = {f.name: type(f.default) for f in fields(cls)}  # type: ignore[arg-type]
-        unknown = sorted(set(values) - set(sections))
+        if not isinstance(values, Mapping):
+            given = f"the settings are {values!r:.80}"
+            raise ConfigError(f"{given}; give a mapping by step, {{'segment': {{'far': 4.0}}}}")
+        unknown = sorted(map(str, set(values) - set(sections)))
         for name in FORMER_SECTIONS.intersection(unknown):
             _refuse_removed(name, values[name])
         if unknown:

@@ -19,6 +19,29 @@ def is_writable(folder: Path) -> bool:
         return False
 
 
+def is_private(folder: Path) -> bool:
+    """Check that no other account can put files into a folder: its owner and mode, and those of all above it.
+
+    The group may write if it is the user's own, of the same number; anybody may above it if only owners can
+    rename (sticky folders such as ``/tmp``).
+    """
+    try:
+        full = folder.resolve()
+        return all(_is_safe(path.stat(), is_above=path != full) for path in (full, *full.parents))
+    except OSError:
+        return False
+
+
+def _is_safe(found: os.stat_result, *, is_above: bool) -> bool:
+    user = os.geteuid()
+    if found.st_uid not in (user, 0) or (found.st_uid != user and not is_above):
+        return False
+    if is_above and found.st_mode & stat.S_ISVTX:
+        return True
+    others = stat.S_IWOTH if found.st_gid == user else stat.S_IWOTH | stat.S_IWGRP
+    return not found.st_mode & others
+
+
 def private_folder(name: str) -> Path | None:
     """Return a private folder below the system's folder for temporary files.
 

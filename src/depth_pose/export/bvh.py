@@ -15,6 +15,7 @@ segment with one child is then turned, by the smallest rotation, to point to tha
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 
 import numpy as np
@@ -157,7 +158,9 @@ def _angles(rotations: Array) -> Array:
     local = rotations.copy()
     for node in range(1, len(NODES)):
         local[:, node] = rotations[:, NODE_PARENTS[node]].swapaxes(-1, -2) @ rotations[:, node]
-    angles = Rotation.from_matrix(local.reshape(-1, 3, 3)).as_euler("ZXY", degrees=True)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Gimbal lock")  # any of the equal angles will do
+        angles = Rotation.from_matrix(local.reshape(-1, 3, 3)).as_euler("ZXY", degrees=True)
     return np.asarray(np.unwrap(angles.reshape(*local.shape[:2], 3), axis=0, period=360.0))
 
 

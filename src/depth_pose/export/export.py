@@ -16,7 +16,7 @@ from depth_pose.core.outputs import check_targets, new_file, new_text_file
 from depth_pose.detect.floor import Floor
 from depth_pose.export.bvh import bvh_text
 from depth_pose.export.floor import floor_of_depth, floor_of_feet, some_frames
-from depth_pose.export.tables import csv_text, npz_arrays
+from depth_pose.export.tables import npz_arrays, write_csv
 from depth_pose.export.tracks import (
     MOST_FRAMES,
     Track,
@@ -152,8 +152,8 @@ def export_skeletons(
             f"{MOST_FRAMES} are written: choose people with --person, or write .csv"
         )
     if kind == ".csv":
-        text = csv_text(shown)
-        _write_text(output, text)
+        with new_text_file(output, newline="") as stream:
+            write_csv(stream, shown)
     else:
         arrays = npz_arrays(shown, floor.T_floor_camera if floor else None)
         with new_file(output) as stream:

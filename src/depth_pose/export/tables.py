@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import csv
-import io
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,34 +19,29 @@ CSV_COLUMNS = (
 """Columns of a CSV file; lengths in metres, in the frame ``frame_id``; quaternions as in the messages."""
 
 
-def csv_text(tracks: Tracks) -> str:
-    """Build a CSV file's text: a row for every joint of every person in every frame with that person.
+def write_csv(stream: TextIO, tracks: Tracks) -> None:
+    """Write a CSV file: a row for every joint of every person in every frame with that person.
 
-    Numbers are written with all digits, so that reading gives the same values.
+    Numbers are written with all digits, so that reading gives the same values. Rows are made while they are
+    written: a text of all would take 20 times the memory of the tracks.
     """
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
+    writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(CSV_COLUMNS)
-    rows = [row for track in tracks.people for row in _rows(track, tracks.stamps_ns)]
-    rows.sort(key=_frame_of)
-    writer.writerows(rows)
-    return out.getvalue()
+    firsts = [int(np.searchsorted(tracks.stamps_ns, track.stamps_ns[0])) for track in tracks.people]
+    for frame, stamp in enumerate(tracks.stamps_ns.tolist()):
+        passed_s = f"{(stamp - int(tracks.stamps_ns[0])) * 1e-9:.9f}"
+        for track, first in zip(tracks.people, firsts, strict=True):
+            i = frame - first
+            if 0 <= i < len(track) and track.present[i]:
+                writer.writerows(_rows(track, i, [frame, stamp, passed_s, track.body_id]))
 
 
-def _frame_of(row: list[Any]) -> int:
-    return int(row[0])
-
-
-def _rows(track: Track, stamps_ns: NDArray[np.int64]) -> Iterator[list[Any]]:
-    frames = np.searchsorted(stamps_ns, track.stamps_ns)
-    for i in np.flatnonzero(track.present):
-        stamp = int(track.stamps_ns[i])
-        start = [int(frames[i]), stamp, f"{(stamp - int(stamps_ns[0])) * 1e-9:.9f}", track.body_id]
-        end = [track.confidence[i], Source(track.source[i]).name, track.scale[i], track.frame_id]
-        for j, name in enumerate(JOINTS):
-            state = JointState(track.joint_states[i, j]).name
-            where = [repr(float(v)) for v in (*track.positions[i, j], *track.quats_xyzw[i, j])]
-            yield [*start, name, *where, track.joint_confidence[i, j], state, *end]
+def _rows(track: Track, i: int, start: list[Any]) -> Iterator[list[Any]]:
+    end = [track.confidence[i], Source(track.source[i]).name, track.scale[i], track.frame_id]
+    for j, name in enumerate(JOINTS):
+        state = JointState(track.joint_states[i, j]).name
+        where = [repr(float(v)) for v in (*track.positions[i, j], *track.quats_xyzw[i, j])]
+        yield [*start, name, *where, track.joint_confidence[i, j], state, *end]
 
 
 def npz_arrays(tracks: Tracks, T_world_camera: NDArray[np.float64] | None) -> dict[str, NDArray[Any]]:

@@ -7,8 +7,11 @@ from pathlib import Path
 from depth_pose.core.errors import InputError
 from depth_pose.io._topics import BAG_MAGIC, DB3_MAGIC, MCAP_MAGIC, RecordingFile
 
-ENDINGS = (".mcap", ".db3", ".bag")
-"""File extensions that are searched for in folders."""
+ENDINGS = (".mcap", ".db3", ".bag", ".mcap.zstd", ".db3.zstd")
+"""Endings of files that are searched for in folders."""
+
+OTHER_IMAGES = (".tif", ".tiff", ".pgm", ".exr", ".raw", ".jpg", ".jpeg")
+"""Endings of images that are not read."""
 
 READ = "MCAP, rosbag2's .db3, ROS 1's .bag (RealSense's too), folders of these or of PNG or NPY depth images"
 """Supported formats."""
@@ -47,6 +50,18 @@ _FOREIGN_ENDINGS = {
     ".xef": ("a Kinect Studio recording", f"with Kinect Studio, {_IMAGES}"),
     ".mp4": ("a colour video", "depth is needed"),
 }
+
+
+def images_hint(folder: Path) -> str:
+    """Return what to do with a folder's images of a format that is not read; empty without such."""
+    if not folder.is_dir():
+        return ""
+    endings = sorted({p.suffix.lower() for p in folder.iterdir() if p.suffix.lower() in OTHER_IMAGES})
+    if not endings:
+        return ""
+    return (
+        f"; its {', '.join(endings)} images are not read: convert them to 16-bit PNG, millimetres, or to NPY"
+    )
 
 
 def open_file(file: Path, head: bytes) -> RecordingFile:

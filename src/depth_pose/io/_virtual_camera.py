@@ -10,7 +10,7 @@ from depth_pose.core.camera import Camera
 _POINTS_PER_PIXEL = 1.6
 """Mean number of points per pixel in occupied areas, so that few pixels stay empty; set by hand."""
 
-_MAX_TANGENT = 1.75
+MAX_TANGENT = 1.75
 """Maximum x/z and y/z: 120 degrees field of view; set by hand."""
 
 _LEAST_SIDE, _MOST_SIDE = 32, 640
@@ -39,7 +39,7 @@ def project_cloud(points: NDArray[np.floating]) -> tuple[NDArray[np.float32], Ca
     """
     x, y, z = points.astype(np.float64).T
     a, b = x / z, y / z
-    ahead = (np.abs(a) < _MAX_TANGENT) & (np.abs(b) < _MAX_TANGENT)
+    ahead = (np.abs(a) < MAX_TANGENT) & (np.abs(b) < MAX_TANGENT)
     if not ahead.any():
         ahead[:] = True
     a, b, z = a[ahead], b[ahead], z[ahead]

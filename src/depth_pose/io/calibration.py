@@ -1,24 +1,26 @@
-"""Camera calibrations: pinhole cameras from the fields of a CameraInfo, and rectification of images.
+"""Camera calibrations: the pinhole camera and the lens of an image, from the fields of its CameraInfo.
 
-The functions take plain fields, not messages, so that the nodes and the readers of recordings share them.
-Invalid input raises `InputError` with the field and its value.
+The functions take any object with the fields of a ``sensor_msgs/CameraInfo``, so that nodes and readers of
+recordings share them. Invalid input raises `InputError` with the field and its value.
 
-The pinhole camera is ``u = fx x/z + cx``, ``v = fy y/z + cy`` (integer coordinates are pixel centres).
+The pinhole camera is ``u = fx x/z + cx``, ``v = fy y/z + cy`` (integer coordinates are pixel centres). The K
+and P of a CameraInfo describe the full image of the sensor; binning and the region of interest (ROI) say
+which of its pixels an image holds.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
-from depth_pose.io.decode import MAX_PIXELS, check_shape, check_size
-
-_DISTORTION_LENGTHS = {"plumb_bob": (4, 5), "rational_polynomial": (8,), "equidistant": (4,)}
-"""Allowed numbers of coefficients of each model of ``sensor_msgs/distortion_models``."""
+from depth_pose.io.decode import check_shape, check_size
+from depth_pose.io.distortion import distortion_of
 
 _LEAST_FOCAL, _MOST_FOCAL = 0.05, 50.0
 """Limits of the focal lengths, as shares of the image's longer side: fields of view of 169 and 1.1
@@ -27,11 +29,27 @@ degrees; set by hand."""
 _MOST_ASPECT = 8.0
 """Maximum ratio of the focal lengths; images binned in one direction have 2; set by hand."""
 
-_BAND = 64
-"""Number of rows rectified at a time; set by hand."""
+_MOST_BINNING = 64
+"""Maximum binning of a CameraInfo; set by hand."""
 
-_KEPT_PIXELS = MAX_PIXELS
-"""Maximum pixels of cached rectifications, 9 bytes each: 54 cameras of 640 x 480; set by hand."""
+
+@dataclass(frozen=True)
+class Lens:
+    """The camera of a sensor's image with its lens distortion.
+
+    Attributes
+    ----------
+    camera : Camera
+        Maps distorted rays to the image's pixels.
+    model : str
+        `depth_pose.io.distortion.OPENCV` or ``FISHEYE``; empty without distortion.
+    d : tuple of float
+        The model's coefficients.
+    """
+
+    camera: Camera
+    model: str = ""
+    d: tuple[float, ...] = ()
 
 
 def is_rectified(topic: str) -> bool:
@@ -40,20 +58,106 @@ def is_rectified(topic: str) -> bool:
     By the convention of ``image_proc`` their CameraInfo is that of the raw image: K and D describe the lens,
     and P the rectified image.
     """
-    return "rect" in topic.removesuffix("/compressedDepth").rpartition("/")[2].split("_")
+    return "rect" in topic.removesuffix("/compressedDepth").removesuffix("/compressed").rpartition("/")[
+        2
+    ].split("_")
 
 
-def lens_of(
-    k: NDArray[np.float64], d: NDArray[np.float64], p: NDArray[np.float64], rectified: bool
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return K (9,) and D (n,) of an image from the k, d, p of its ``sensor_msgs/CameraInfo``.
+def lens_of_image(info: Any, height: int, width: int, rectified: bool = False) -> Lens:
+    """Return the lens of an image from its ``sensor_msgs/CameraInfo``.
 
-    For a rectified image (`is_rectified`) D is empty, and K is taken from P if P is set.
+    The image may be the full one, its ROI, or either of them binned: its size decides.
+
+    Parameters
+    ----------
+    info : object
+        With the fields of a CameraInfo.
+    height, width : int
+        Size of the image, pixels.
+    rectified : bool
+        Whether the image is rectified (`is_rectified`): without distortion, and with the camera of P if it
+        is set.
+
+    Raises
+    ------
+    InputError
+        If a field is empty, zero or contradictory, or the image has another size.
     """
-    if not rectified:
-        return k, d
-    k_of_p = np.asarray(p, np.float64).reshape(-1, 4)[:, :3].ravel()
-    return (k_of_p if k_of_p.size == 9 and k_of_p[0] > 0.0 else k), np.zeros(0)
+    k, p = np.asarray(info.k, np.float64), np.asarray(info.p, np.float64)
+    d: NDArray[np.float64] = np.asarray(info.d, np.float64).ravel()
+    k_of_p = p.reshape(-1, 4)[:, :3].ravel() if p.size == 12 else k
+    has_p = bool(np.isfinite(k_of_p).all() and k_of_p[0] > 0.0)
+    if rectified:
+        k, d = (k_of_p if has_p else k), np.zeros(0)
+    elif not k.any() and has_p:
+        if d.any():
+            raise InputError(
+                "camera_info: k is zero and d is not: which camera the distortion is of is not known"
+            )
+        k = k_of_p
+    left, top, bin_x, bin_y = _part_of(info, height, width)
+    whole = max(int(info.width), left + width), max(int(info.height), top + height)
+    full = camera_from_info(k, d, *whole, info.distortion_model)
+    camera = Camera(
+        int(width),
+        int(height),
+        full.fx / bin_x,
+        full.fy / bin_y,
+        (full.cx - left) / bin_x,
+        (full.cy - top) / bin_y,
+    )
+    return Lens(camera, *distortion_of(d, info.distortion_model))
+
+
+def camera_of_rectified(info: Any) -> Camera:
+    """Return the camera of images without distortion, of the size that their CameraInfo defines.
+
+    Raises
+    ------
+    InputError
+        As `lens_of_image`.
+    """
+    roi = info.roi
+    width, height = (roi.width, roi.height) if roi.width and roi.height else (info.width, info.height)
+    size = height // max(1, info.binning_y), width // max(1, info.binning_x)
+    return lens_of_image(info, *size, rectified=not np.any(info.k)).camera
+
+
+def _part_of(info: Any, height: int, width: int) -> tuple[int, int, int, int]:
+    """Return the first column and row of the full image's pixels that an image holds, and its binning.
+
+    If the CameraInfo has the size of a ROI with an offset, K still describes the full image.
+    """
+    roi = info.roi
+    binning = max(1, int(info.binning_x)), max(1, int(info.binning_y))
+    if max(binning) > _MOST_BINNING:
+        raise InputError(
+            f"camera_info: binning is {binning[0]} x {binning[1]}; the maximum is {_MOST_BINNING}"
+        )
+    has_roi = bool(roi.width and roi.height)
+    part = (int(roi.width), int(roi.height)) if has_roi else (int(info.width), int(info.height))
+    offset = (int(roi.x_offset), int(roi.y_offset)) if has_roi else (0, 0)
+    size = (int(width), int(height))
+    if size == part:
+        return *offset, 1, 1
+    if _is_binned(size, part, binning):
+        return *offset, *binning
+    if size == (info.width, info.height):
+        return 0, 0, 1, 1
+    if _is_binned(size, (info.width, info.height), binning):
+        return 0, 0, *binning
+    region = f", its region of interest {part[0]} x {part[1]}" if has_roi else ""
+    binned = f", its binning {binning[0]} x {binning[1]}" if max(binning) > 1 else ""
+    raise InputError(
+        f"image is {width} x {height}, its camera_info says {info.width} x {info.height}{region}{binned}"
+    )
+
+
+def _is_binned(size: tuple[int, int], full: tuple[int, int], binning: tuple[int, int]) -> bool:
+    """Check that an image has a full image's size after binning, rounded up or down."""
+    return max(binning) > 1 and all(
+        s in (n // b, -(-n // b)) for s, n, b in zip(size, full, binning, strict=True)
+    )
 
 
 def camera_from_info(
@@ -65,7 +169,7 @@ def camera_from_info(
 ) -> Camera:
     """Check the fields of a ``sensor_msgs/CameraInfo`` and return its pinhole camera.
 
-    The lens distortion is not part of a `Camera`: `rectify_depth` removes it from the image.
+    The lens distortion is checked, but not part of a `Camera`: `depth_pose.io.rectification` removes it.
 
     Parameters
     ----------
@@ -109,145 +213,6 @@ def camera_from_info(
             f"camera_info: the principal point k[2], k[5] is {cx:g}, {cy:g}; "
             f"that is far outside an image of {width} x {height}"
         )
-    _distortion(d, distortion_model)
+    distortion_of(d, distortion_model)
     fx, fy, cx, cy = map(float, (fx, fy, cx, cy))
     return Camera(width=int(width), height=int(height), fx=fx, fy=fy, cx=cx, cy=cy)
-
-
-def _distortion(d: Sequence[float] | NDArray[np.float64], model: str) -> tuple[float, ...]:
-    """Check and return the coefficients; none without distortion."""
-    coefficients = tuple(float(x) for x in d)
-    if not any(coefficients):
-        return ()
-    if not np.isfinite(coefficients).all():
-        raise InputError(f"camera_info: d is {list(coefficients)}; all must be finite")
-    if model not in _DISTORTION_LENGTHS:
-        raise InputError(
-            f"camera_info: distortion_model is {model!r}; it must be one of "
-            f"{', '.join(_DISTORTION_LENGTHS)}, or give a rectified image and its camera_info"
-        )
-    if len(coefficients) not in _DISTORTION_LENGTHS[model]:
-        raise InputError(
-            f"camera_info: d has {len(coefficients)} numbers; "
-            f"{model} has {' or '.join(map(str, _DISTORTION_LENGTHS[model]))}"
-        )
-    return coefficients
-
-
-def rectify_depth(
-    depth: NDArray[np.float32],
-    camera: Camera,
-    d: Sequence[float] | NDArray[np.float64],
-    distortion_model: str = "plumb_bob",
-) -> NDArray[np.float32]:
-    """Remove the lens distortion from a depth image.
-
-    Every pixel of the ideal camera takes the *nearest* pixel of the image, because depth cannot be
-    interpolated between two surfaces.
-
-    Parameters
-    ----------
-    depth : (H, W) float32
-        Metres.
-    camera : Camera
-        From `camera_from_info`; also the camera of the result.
-    d : (n,) float
-        Distortion coefficients.
-    distortion_model : str
-        ``plumb_bob``, ``rational_polynomial`` or ``equidistant``.
-
-    Returns
-    -------
-    (H, W) float32
-        Metres; 0 without a measurement. The input itself if there is no distortion.
-    """
-    if depth.shape != (camera.height, camera.width):
-        raise InputError(
-            f"image is {depth.shape[1]} x {depth.shape[0]}, "
-            f"its camera_info says {camera.width} x {camera.height}"
-        )
-    coefficients = _distortion(d, distortion_model)
-    if not coefficients:
-        return depth
-    source, outside = _rectification(camera, coefficients, distortion_model)
-    rectified: NDArray[np.float32] = depth.ravel()[source]
-    rectified[outside] = 0.0
-    return rectified
-
-
-def _rectification(
-    camera: Camera, d: tuple[float, ...], model: str
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Return the index of each ideal pixel's distorted pixel, and whether there is none, (H, W)."""
-    key = (camera, d, model)
-    if key not in _rectifications:
-        made = _make_rectification(camera, d, model)
-        size = made[0].size
-        while _rectifications and size + sum(s.size for s, _ in _rectifications.values()) > _KEPT_PIXELS:
-            _rectifications.pop(next(iter(_rectifications)), None)
-        _rectifications[key] = made
-    return _rectifications[key]
-
-
-_rectifications: dict[tuple[Camera, tuple[float, ...], str], tuple[NDArray[np.int64], NDArray[np.bool_]]] = {}
-"""Cache of the last cameras, up to `_KEPT_PIXELS`."""
-
-
-def _make_rectification(
-    camera: Camera, d: tuple[float, ...], model: str
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Compute a rectification in bands of rows, to limit the memory of float64 intermediates."""
-    source = np.zeros((camera.height, camera.width), np.int64)
-    outside = np.zeros((camera.height, camera.width), np.bool_)
-    u = np.arange(camera.width, dtype=np.float64)
-    for first in range(0, camera.height, _BAND):
-        band = slice(first, min(first + _BAND, camera.height))
-        v = np.arange(band.start, band.stop, dtype=np.float64)[:, None]
-        with np.errstate(all="ignore"):  # a ray outside the lens model is marked as outside the image
-            rays = np.broadcast_arrays((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy)
-            a, b = distort(rays[0], rays[1], d, model)
-            column = np.rint(camera.fx * a + camera.cx)
-            row = np.rint(camera.fy * b + camera.cy)
-        inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
-        source[band] = np.where(inside, row * camera.width + column, 0)
-        outside[band] = ~inside
-    return source, outside
-
-
-def distort(
-    a: NDArray[np.float64], b: NDArray[np.float64], d: Sequence[float], model: str
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Distort the ray (a, b, 1) by a model of ``sensor_msgs/distortion_models``.
-
-    Parameters
-    ----------
-    a, b : (...) float64
-        Ideal ``x/z`` and ``y/z``.
-    d : sequence of float
-        ``plumb_bob``: k1, k2, p1, p2[, k3]; ``rational_polynomial``: those and k4, k5, k6;
-        ``equidistant``: k1, k2, k3, k4.
-    model : str
-        The model's name.
-
-    Returns
-    -------
-    (...), (...) float64
-        Distorted ``x/z`` and ``y/z``.
-    """
-    r2 = a * a + b * b
-    if model == "equidistant":
-        r = np.sqrt(r2)
-        theta = np.arctan(r)
-        t2 = theta * theta
-        radial = theta * (1 + t2 * (d[0] + t2 * (d[1] + t2 * (d[2] + t2 * d[3]))))
-        factor = np.where(r > 1e-9, radial / np.maximum(r, 1e-9), 1.0)
-        return a * factor, b * factor
-    k1, k2, p1, p2 = d[:4]
-    k3 = d[4] if len(d) > 4 else 0.0
-    factor = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    if model == "rational_polynomial":
-        factor = factor / (1 + r2 * (d[5] + r2 * (d[6] + r2 * d[7])))
-    return (
-        a * factor + 2 * p1 * a * b + p2 * (r2 + 2 * a * a),
-        b * factor + p1 * (r2 + 2 * b * b) + 2 * p2 * a * b,
-    )

@@ -142,7 +142,9 @@ def _name(info: Any) -> str:
 
 def _calibration(info: Any) -> tuple[Any, ...]:
     numbers = [np.asarray(values, np.float64).tobytes() for values in (info.k, info.d, info.p)]
-    return (info.width, info.height, info.distortion_model, *numbers)
+    roi = info.roi
+    part = (info.binning_x, info.binning_y, roi.x_offset, roi.y_offset, roi.width, roi.height)
+    return (info.width, info.height, info.distortion_model, *part, *numbers)
 
 
 def _describe(info: Any) -> str:

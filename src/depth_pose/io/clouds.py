@@ -14,11 +14,26 @@ from numpy.typing import NDArray
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
 from depth_pose.core.types import DepthFrame
-from depth_pose.io._virtual_camera import project_cloud
+from depth_pose.io._virtual_camera import MAX_TANGENT, project_cloud
 from depth_pose.io.decode import MAX_PIXELS, check_bytes, check_shape, check_size
 
 _POINT_TYPES = {7: "f4", 8: "f8"}
 """NumPy types of the `sensor_msgs/PointField` datatypes that a coordinate may have."""
+
+OPTICAL = "_optical"
+"""Suffix of a frame's name while a cloud of a body frame is turned to optical axes."""
+
+R_BODY_OPTICAL: NDArray[np.float64] = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
+"""Optical axes (x right, y down, z forward) to those of a body frame (x forward, y left, z up; REP 103)."""
+
+BODY_AXES = "the cloud is in a body frame (x forward): it is turned, and skeletons are in the frame "
+"""Warning of such clouds, before the frame's name."""
+
+_JUDGED_POINTS = 4000
+"""Number of points that tell the axes."""
+
+_IN_VIEW, _OUT_OF_VIEW = 0.9, 0.5
+"""Share of the points in view of the right axes, and the maximum of the wrong ones; set by hand."""
 
 _FIT_TOLERANCE_PX = 0.5
 """Maximum root mean square error (pixels) of a cloud's fit to a pinhole camera."""
@@ -77,6 +92,26 @@ def decode_points(
     return points
 
 
+def is_body_frame(points: NDArray[np.floating]) -> bool:
+    """Check whether a cloud has the axes of a body frame at the sensor: x forward, y left, z up (REP 103).
+
+    Then the points fill a cone about x, and hardly one about z.
+
+    Parameters
+    ----------
+    points : (..., 3) float
+        NaN or infinite without a point.
+    """
+    flat = points.reshape(-1, 3)
+    flat = flat[:: max(1, len(flat) // _JUDGED_POINTS)]
+    x, y, z = flat[np.isfinite(flat).all(axis=1) & (flat != 0).any(axis=1)].T
+    if x.size == 0:
+        return False
+    optical = ((np.abs(x) < MAX_TANGENT * z) & (np.abs(y) < MAX_TANGENT * z)).mean()
+    body = ((np.abs(y) < MAX_TANGENT * x) & (np.abs(z) < MAX_TANGENT * x)).mean()
+    return bool(body > _IN_VIEW and optical < _OUT_OF_VIEW)
+
+
 def camera_from_points(points: NDArray[np.floating]) -> Camera:
     """Find the pinhole camera of an organised cloud.
 
@@ -127,13 +162,14 @@ def warm_up() -> None:
 def frame_from_cloud(points: NDArray[np.floating], stamp_ns: int, frame_id: str) -> DepthFrame:
     """Convert a cloud to a depth image.
 
-    An organised cloud of a pinhole camera keeps its pixels. Any other is projected into a virtual pinhole
-    camera at the origin of its frame, nearest point first, with a resolution that fits its density.
+    A cloud in a body frame (x forward, y left, z up) is turned to optical axes, and its frame is called
+    ``FRAME_optical``. An organised cloud of a pinhole camera keeps its pixels. Any other is projected into a
+    virtual pinhole camera at the origin of its frame, nearest point first; its resolution fits their density.
 
     Parameters
     ----------
     points : (h, w, 3) or (n, 3) float
-        Points in an optical frame (x right, y down, z forward), metres; NaN without a point.
+        Points in an optical frame (x right, y down, z forward) or a body frame, metres; NaN without a point.
     stamp_ns : int
     frame_id : str
 
@@ -144,11 +180,14 @@ def frame_from_cloud(points: NDArray[np.floating], stamp_ns: int, frame_id: str)
     """
     if points.ndim not in (2, 3) or points.shape[-1] != 3:
         raise InputError(f"cloud has shape {points.shape}; it must be (height, width, 3) or (n, 3)")
+    if is_body_frame(points):
+        points, frame_id = points @ R_BODY_OPTICAL.astype(points.dtype), frame_id + OPTICAL
     flat = points.reshape(-1, 3)
     flat = flat[np.isfinite(flat).all(axis=1) & (flat[:, 2] > 0)]
     if len(flat) == 0:
         raise InputError(
-            "cloud has no point with z > 0: its frame must be an optical one (x right, y down, z forward)"
+            "cloud has no point with z > 0: its frame must be an optical one (x right, y down, z forward) "
+            "or a body frame at the sensor (x forward, y left, z up)"
         )
     if points.ndim == 3 and min(points.shape[:2]) > 1:
         try:

@@ -4,6 +4,8 @@ A ``sensor_msgs/CompressedImage`` with the format ``ENCODING; compressedDepth[ p
 with twelve bytes, a number and the two parameters A, B of the quantisation. Then follows a PNG of one 16-bit
 channel, or the width, the height and RVL. For ``16UC1`` the pixels are those of the image; for ``32FC1`` they
 encode ``A / (pixel - B)`` metres.
+
+A PNG of one 16-bit channel is depth, too, without the twelve bytes or in the ``compressed`` transport.
 """
 
 from __future__ import annotations
@@ -23,6 +25,8 @@ TOPIC_ENDING = "/compressedDepth"
 
 _HEADER = struct.Struct("<iff")
 _PNG = b"\x89PNG\r\n\x1a\n"
+_ONE_CHANNEL_OF_16 = b"\x10\x00"
+"""Bit depth and colour type in a PNG's header."""
 
 
 def decode_compressed_depth(
@@ -49,25 +53,54 @@ def decode_compressed_depth(
     InputError
         If it is not a depth image, or damaged.
     """
-    encoding, _, transport = (part.strip() for part in format.partition(";"))
-    if encoding not in ("16UC1", "mono16", "32FC1") or "compressedDepth" not in transport:
+    data = bytes(data)
+    encoding = depth_encoding(format, data)
+    if not encoding:
         raise InputError(
             f"compressed image: format is {format!r}; a depth image has '16UC1; compressedDepth' or "
             "'32FC1; compressedDepth': subscribe to the topic that ends in /compressedDepth"
         )
-    data = bytes(data)
+    if data.startswith(_PNG):
+        if encoding == "32FC1":
+            raise InputError(
+                "compressed image: the PNG of 32FC1 has no header, which has its quantisation; send 16UC1"
+            )
+        return _to_metres(decode_png(data), unit_m)
     if len(data) < _HEADER.size + 8:
         raise InputError(f"compressed image: data has {len(data)} bytes, which is too few")
     _, a, b = _HEADER.unpack_from(data)
     body = data[_HEADER.size :]
     pixels = decode_png(body) if body.startswith(_PNG) else _decode_rvl(body)
     if encoding != "32FC1":
-        depth = pixels.astype(np.float32)
-        return depth / np.float32(1000.0) if unit_m is None else depth * np.float32(unit_m)
+        return _to_metres(pixels, unit_m)
     coded = pixels.astype(np.float32)
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = np.float32(a) / (coded - np.float32(b)) * np.float32(unit_m or 1.0)
     return np.where((pixels > 0) & np.isfinite(depth) & (depth > 0), depth, np.float32(0.0))
+
+
+def depth_encoding(format: str, data: bytes) -> str:
+    """Return the encoding of a compressed depth image, ``16UC1`` or ``32FC1``; empty if it is none.
+
+    Parameters
+    ----------
+    format : str
+        The message's format; some drivers leave out the encoding, or name only ``png``.
+    data : bytes
+        The message's data, or its first bytes.
+    """
+    encoding, _, transport = (part.strip() for part in format.rpartition(";"))
+    transport, is_png16 = transport.lower(), data.startswith(_PNG) and data[24:26] == _ONE_CHANNEL_OF_16
+    if encoding not in ("", "16UC1", "mono16", "32FC1"):
+        return ""
+    if "compresseddepth" in transport or (is_png16 and ("png" in transport or encoding)):
+        return "32FC1" if encoding == "32FC1" else "16UC1"
+    return ""
+
+
+def _to_metres(pixels: NDArray[np.uint16], unit_m: float | None) -> NDArray[np.float32]:
+    depth = pixels.astype(np.float32)
+    return depth / np.float32(1000.0) if unit_m is None else depth * np.float32(unit_m)
 
 
 def warm_up() -> None:

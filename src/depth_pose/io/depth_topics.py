@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 from depth_pose.core.errors import InputError
 from depth_pose.io import schemas
-from depth_pose.io.compressed import TOPIC_ENDING
-from depth_pose.io.messages import read_image
+from depth_pose.io.compressed import TOPIC_ENDING, depth_encoding
+from depth_pose.io.messages import read_image, read_message
 from depth_pose.io.recording import Recording, Topic
 
 DEPTH_ENCODINGS = ("16UC1", "mono16", "32FC1")
@@ -52,7 +52,7 @@ def depth_topics(recording: Recording) -> tuple[DepthTopic, ...]:
         if topic.count == 0:
             continue
         is_image = topic.kind == schemas.IMAGE and _is_depth_image(recording, topic.name)
-        is_compressed = topic.kind == schemas.COMPRESSED and topic.name.endswith(TOPIC_ENDING)
+        is_compressed = topic.kind == schemas.COMPRESSED and _is_compressed_depth(recording, topic.name)
         if is_image or is_compressed:
             info = _info_topic(recording, topic.name)
             found.append(DepthTopic(topic.name, topic.kind, info, topic.count))
@@ -69,6 +69,17 @@ def _is_depth_image(recording: Recording, topic: str) -> bool:
         return read_image(message.data).encoding in DEPTH_ENCODINGS
     except InputError:
         return False
+
+
+def _is_compressed_depth(recording: Recording, topic: str) -> bool:
+    message = recording.first(topic)
+    if message is None:
+        return False
+    try:
+        image = read_message(message.data, schemas.COMPRESSED)
+    except InputError:
+        return topic.endswith(TOPIC_ENDING)
+    return bool(depth_encoding(image.format, bytes(image.data[:32]))) or topic.endswith(TOPIC_ENDING)
 
 
 def _info_topic(recording: Recording, image_topic: str) -> str:
@@ -151,8 +162,8 @@ def _what_it_is(recording: Recording, topic: Topic) -> str:
     kind = topic.kind
     if topic.count == 0:
         return f"{kind} without messages"
-    if kind == schemas.COMPRESSED and not topic.name.endswith(TOPIC_ENDING):
-        return f"{kind}, which holds colour images; depth is on topics that end in {TOPIC_ENDING}"
+    if kind == schemas.COMPRESSED and not _is_compressed_depth(recording, topic.name):
+        return f"{kind}, which holds colour images; depth is mostly on topics that end in {TOPIC_ENDING}"
     if kind != schemas.IMAGE:
         return kind
     message = recording.first(topic.name)

@@ -14,6 +14,7 @@ import re
 import tokenize
 from collections.abc import Iterable, Iterator
 from dataclasses import fields, replace
+from datetime import datetime, timezone
 from pathlib import Path
 
 import numpy as np
@@ -43,8 +44,16 @@ _FPS = 30.0
 _START_NS = 1_000_000_000
 """Stamp of the first image (ns); 0 means no time in ROS."""
 
+_NO_TIMES = f"the names of the images are no times: {_FPS:g} a second are assumed; --fps sets another rate"
+
 _MOST_S = (1 << 31) - 1
 """Maximum seconds in a message's stamp."""
+
+_DATE = re.compile(
+    r"\D*(\d{4})[-_.]?(\d\d)[-_.]?(\d\d)[-_ T.]+"
+    r"(\d\d)[-_.:h]?(\d\d)[-_.:m]?(\d\d)(?:[-_.,](\d{1,9}))?\D*"
+)
+"""Names with a date and a time of day (UTC): ``2024-05-01_12-30-15.250``, ``20240501T123015``."""
 
 _NPY_MAGIC = b"\x93NUMPY"
 _NPY_ERRORS: tuple[type[Exception], ...] = (ValueError, EOFError, SyntaxError, TypeError, OverflowError)
@@ -67,17 +76,31 @@ def image_files(folder: Path) -> list[Path]:
 
 
 def _natural(path: Path) -> tuple[list[int], str]:
-    seconds = _seconds_ns(path.stem)
-    numbers = [seconds] if seconds is not None else [int(n) for n in re.findall(r"\d+", path.stem)]
+    time_ns = _time_ns(path.stem)
+    numbers = [time_ns] if time_ns is not None else [int(n) for n in re.findall(r"\d+", path.stem)]
     return numbers, path.name
 
 
-def _seconds_ns(name: str) -> int | None:
-    """Parse a name that is seconds with a fraction to nanoseconds; None for other names."""
-    found = re.fullmatch(r"(\d{1,10})\.(\d{1,9})", name)
-    if found is None or int(found[1]) > _MOST_S:
-        return None
-    return int(found[1]) * 1_000_000_000 + int(found[2].ljust(9, "0"))
+def _time_ns(name: str) -> int | None:
+    """Parse a name that is a time to nanoseconds; None for other names.
+
+    Times are seconds with a fraction; milliseconds, microseconds or nanoseconds since 1970 (13, 16 or 19
+    digits); and dates with a time of day. Text without digits may stand around them.
+    """
+    if found := re.fullmatch(r"\D*?(\d{1,10})\.(\d{1,9})\D*", name):
+        return _to_ns(int(found[1]), found[2])
+    if found := re.fullmatch(r"\D*(\d{10})(\d{3}|\d{6}|\d{9})\D*", name):
+        return _to_ns(int(found[1]), found[2])
+    if found := _DATE.fullmatch(name):
+        year, month, day, hour, minute, second = (int(part) for part in found.groups()[:6])
+        with contextlib.suppress(ValueError):
+            moment = datetime(year, month, day, hour, minute, second, tzinfo=timezone.utc)
+            return _to_ns(int(moment.timestamp()), found[7] or "0")
+    return None
+
+
+def _to_ns(seconds: int, fraction: str) -> int | None:
+    return seconds * 1_000_000_000 + int(fraction.ljust(9, "0")) if 0 <= seconds <= _MOST_S else None
 
 
 class ImageFolder:
@@ -94,6 +117,8 @@ class ImageFolder:
         Topics of the images and of their camera.
     others : dict
         Empty.
+    notes : list of str
+        What is assumed.
 
     Raises
     ------
@@ -114,6 +139,7 @@ class ImageFolder:
             )
         self._scale = given.depth_scale
         self._stamps = _stamps(self._files, given.fps)
+        self.notes = [] if given.fps or self._stamps[0] != _START_NS else [_NO_TIMES]
         height, width = self._first_size()
         self._camera = Camera(width, height, given.fx, given.fy, given.cx, given.cy)
         self._bad: dict[str, str] = {}
@@ -182,7 +208,7 @@ def _completed(options: ImageOptions, folder: Path) -> ImageOptions:
 def _stamps(files: list[Path], fps: float | None) -> list[int]:
     """Return the images' times, nanoseconds."""
     if fps is None:
-        times = [_seconds_ns(file.stem) for file in files]
+        times = [_time_ns(file.stem) for file in files]
         known = [time for time in times if time is not None]
         if len(known) == len(files) and known == sorted(set(known)):
             return known

@@ -19,7 +19,7 @@ class ImageOptions:
     depth_scale : float, optional
         Metres per unit; by default 0.001 for integers, 1 for others.
     fps : float, optional
-        Frames a second; by default 30, or from file names that are seconds (``1305031453.374112.png``).
+        Frames a second; by default 30, or from file names that are times (``1305031453.374112.png``).
     """
 
     fx: float | None = None

@@ -15,17 +15,19 @@ import numpy as np
 from depth_pose.core.errors import InputError
 from depth_pose.core.types import DepthFrame
 from depth_pose.io import schemas
-from depth_pose.io.calibration import camera_from_info, is_rectified, lens_of, rectify_depth
+from depth_pose.io.calibration import is_rectified, lens_of_image
 from depth_pose.io.camera_infos import CameraInfos
-from depth_pose.io.clouds import decode_points, frame_from_cloud
+from depth_pose.io.clouds import BODY_AXES, OPTICAL, decode_points, frame_from_cloud
 from depth_pose.io.compressed import decode_compressed_depth
 from depth_pose.io.damage import tell_damage
-from depth_pose.io.decode import decode_depth
+from depth_pose.io.decode import WRONG_ORDER, decode_depth, is_order_wrong
 from depth_pose.io.depth_topics import choose_depth_topic
 from depth_pose.io.depth_unit import INTEGER_UNIT_M, UnitWatch, unit_of
+from depth_pose.io.frame_order import FrameOrder
 from depth_pose.io.image_options import ImageOptions
 from depth_pose.io.messages import read_message, stamp_of
 from depth_pose.io.recording import RawMessage, Recording
+from depth_pose.io.rectification import rectify_depth
 
 _log = logging.getLogger(__name__)
 _REALSENSE = re.compile(r"(/device_\d+/sensor_\d+)/Depth_\d+/image/data")
@@ -77,6 +79,8 @@ class DepthReader:
         self._infos = CameraInfos(self.topic.info_topic)
         self._looked_for: set[str] = set()
         self._dropped: Counter[str] = Counter()
+        self._order = FrameOrder()
+        self._notes: list[str] = []
 
     def __len__(self) -> int:
         """Return the expected number of frames."""
@@ -90,7 +94,7 @@ class DepthReader:
     @property
     def dropped(self) -> int:
         """Number of unusable frames since iteration began."""
-        return self._dropped.total()
+        return self._dropped.total() + self._order.skipped.total()
 
     @property
     def damage(self) -> list[str]:
@@ -101,9 +105,12 @@ class DepthReader:
     def warnings(self) -> list[str]:
         """Return the problems since iteration began, one line each with its count."""
         lines = [*self.damage, *(f"{self._recording.path}: {line}" for line in self._infos.warnings.values())]
+        notes = [*self._recording.notes, *self._notes]
+        lines += [f"{self._recording.path}: {note}" for note in notes]
         if self._units.doubt:
             lines.append(f"{self._recording.path}: {self.topic.name}: {self._units.doubt}")
-        for reason, count in self._dropped.items():
+        lines += [f"{self._recording.path}: {self.topic.name}: {line}" for line in self._order.warnings]
+        for reason, count in (self._dropped + self._order.skipped).items():
             frames = "1 frame was" if count == 1 else f"{count} frames were"
             lines.append(f"{frames} dropped: {self._recording.path}: {self.topic.name}: {reason}")
         return lines
@@ -111,7 +118,8 @@ class DepthReader:
     def __iter__(self) -> Iterator[DepthFrame]:
         self._forget()
         used = 0
-        for frame in self._clouds() if self.topic.kind == schemas.POINT_CLOUD else self._images():
+        is_cloud = self.topic.kind == schemas.POINT_CLOUD
+        for frame in self._order(self._clouds() if is_cloud else self._images()):
             used += 1
             yield frame
         if self._tell and used:
@@ -119,19 +127,21 @@ class DepthReader:
         if not used:
             raise InputError("; ".join(self.warnings) or f"{self._recording.path} has no frames")
 
-    def _clouds(self) -> Iterator[DepthFrame]:
+    def _clouds(self) -> Iterator[tuple[int, DepthFrame]]:
         for message in self._recording.messages(self.topic.name):
             try:
                 frame = frame_of_cloud(message.data, self._unit_m)
             except InputError as error:
                 self._dropped[str(error)] += 1
                 continue
+            if not self._notes and frame.frame_id.endswith(OPTICAL) and is_turned(message.data, frame):
+                self._notes.append(f"{BODY_AXES}{frame.frame_id}")
             self._check_unit(frame, 1.0)
-            yield frame
+            yield message.log_time_ns, frame
 
-    def _images(self) -> Iterator[DepthFrame]:
+    def _images(self) -> Iterator[tuple[int, DepthFrame]]:
         rectified = is_rectified(self.topic.name)
-        for image, info in self._paired():
+        for log_time_ns, image, info in self._paired():
             if info is None:
                 self._dropped[self._infos.why_none(image.header.frame_id)] += 1
                 continue
@@ -141,30 +151,34 @@ class DepthReader:
                 self._dropped[str(error)] += 1
                 continue
             is_plain = self.topic.kind == schemas.IMAGE
+            if is_plain and not self._notes and has_wrong_order(image):
+                self._notes.append(WRONG_ORDER)
             encoding = image.encoding if is_plain else image.format.partition(";")[0].strip()
             self._check_unit(frame, unit_of(encoding))
-            yield frame
+            yield log_time_ns, frame
 
-    def _paired(self) -> Iterator[tuple[Any, Any]]:
-        """Yield every image with the CameraInfo of its frame_id and, if there is one, of its stamp.
+    def _paired(self) -> Iterator[tuple[int, Any, Any]]:
+        """Yield log time, image, and the CameraInfo of its frame_id and, if there is one, of its stamp.
 
         That one may be recorded shortly after the image, which waits for it until the next image.
         """
         image: Any = None  # the waiting image, and its camera as known on arrival
         known: Any = None
+        time_ns = 0
         for message in self._recording.messages(self.topic.name, self.topic.info_topic):
             if message.topic == self.topic.info_topic:
                 self._add_info(message)
             else:
                 if image is not None:
-                    yield image, known
+                    yield time_ns, image, known
+                time_ns = message.log_time_ns
                 image = self._read_image(message)
                 known = None if image is None else self._info_for(image)
             if image is not None and self._infos.has_stamp(image.header.frame_id, stamp_of(image)):
-                yield image, self._info_for(image)
+                yield time_ns, image, self._info_for(image)
                 image = None
         if image is not None:
-            yield image, known
+            yield time_ns, image, known
 
     def _read_image(self, message: RawMessage) -> Any:
         try:
@@ -233,11 +247,21 @@ def make_frame(
         depth = decode_compressed_depth(image.format, image.data, unit_m)
     else:
         size = (image.height, image.width, image.step, image.encoding)
-        depth = decode_depth(image.data, *size, image.is_bigendian, unit_m)
-    k, d = lens_of(info.k, info.d, info.p, rectified)
-    camera = camera_from_info(k, d, info.width, info.height, info.distortion_model)
-    depth = rectify_depth(depth, camera, d, info.distortion_model)
-    return DepthFrame(stamp_of(image), image.header.frame_id, depth, camera)
+        is_big = bool(image.is_bigendian) != has_wrong_order(image)
+        depth = decode_depth(image.data, *size, is_big, unit_m)
+    ideal = rectify_depth(depth, lens_of_image(info, depth.shape[0], depth.shape[1], rectified))
+    return DepthFrame(stamp_of(image), image.header.frame_id, ideal.depth, ideal.camera, ideal.filled)
+
+
+def has_wrong_order(image: Any) -> bool:
+    """Check whether an Image has the other byte order than it says."""
+    size = (image.height, image.width, image.step, image.encoding)
+    return is_order_wrong(image.data, *size, image.is_bigendian)
+
+
+def is_turned(data: bytes, frame: DepthFrame) -> bool:
+    """Check whether a cloud was turned to optical axes."""
+    return bool(read_message(data, schemas.POINT_CLOUD).header.frame_id != frame.frame_id)
 
 
 def frame_of_cloud(data: bytes, unit_m: float | None = None) -> DepthFrame:

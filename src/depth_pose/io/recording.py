@@ -16,10 +16,9 @@ from typing import BinaryIO
 
 from depth_pose.core.errors import InputError
 from depth_pose.io import _mcap_records as mcap
-from depth_pose.io._formats import ENDINGS, READ, open_file
+from depth_pose.io._formats import ENDINGS, READ, images_hint, open_file
 from depth_pose.io._rosbag2_folder import (
     METADATA,
-    PACKED,
     Metadata,
     PackedMessages,
     Unpacker,
@@ -84,14 +83,18 @@ class Recording:
             return self._open_rosbag2(read_metadata_file(self.path))
         files = recording_files(self.path)
         if not files:
-            raise InputError(f"{self.path} has no recording in it; supported formats are {READ}")
+            hint = images_hint(self.path)
+            raise InputError(f"{self.path} has no recording in it; supported formats are {READ}{hint}")
         if files[0].suffix.lower() in IMAGE_ENDINGS:
             return [ImageFolder(self.path, images)]
         if not _may_be_parts(files):
             raise InputError(
                 f"{self.path} holds several recordings, not the parts of one; choose one of them"
             )
-        return [open_file(file, _head(file)) for file in files]
+        opened = [part for path in files if (part := self._open_part(path)) is not None]
+        if not opened:
+            raise InputError("; ".join(self._damage))
+        return opened
 
     def _open_rosbag2(self, metadata: Metadata) -> list[RecordingFile]:
         files: list[RecordingFile] = []
@@ -100,14 +103,21 @@ class Recording:
             if not path.exists():
                 self._damage.append(f"{path} does not exist; {self.path / METADATA} lists it")
                 continue
-            if path.suffix == PACKED:
-                _head(path)
-            path = self._unpacked(path)
-            file = open_file(path, _head(path))
-            files.append(PackedMessages(file, path) if metadata.is_packed else file)
+            if (file := self._open_part(path)) is not None:
+                files.append(PackedMessages(file, path) if metadata.is_packed else file)
         if not files:
             raise InputError("; ".join(self._damage) or f"{self.path / METADATA} lists no files")
         return files
+
+    def _open_part(self, path: Path) -> RecordingFile | None:
+        """Open one of several files; one that cannot be read is damage: the others may be whole."""
+        try:
+            _head(path)
+            unpacked = self._unpacked(path)
+            return open_file(unpacked, _head(unpacked))
+        except InputError as error:
+            self._damage.append(str(error))
+            return None
 
     def _add(self, topic: Topic) -> None:
         before = self.topics.get(topic.name)
@@ -137,6 +147,11 @@ class Recording:
                 self._first[topic] = message
                 break
         return self._first.get(topic)
+
+    @property
+    def notes(self) -> list[str]:
+        """Return what is assumed of a folder of images, a line each."""
+        return [note for file in self._files if isinstance(file, ImageFolder) for note in file.notes]
 
     @property
     def damage(self) -> list[str]:

@@ -19,6 +19,7 @@ from depth_pose.rooms.merge import PlacedSkeleton, merge_skeletons, place
 from depth_pose.rooms.room_person import RoomPerson
 from depth_pose.rooms.sides import agree_on_sides
 from depth_pose.rooms.sightings import RoomSighting
+from depth_pose.rooms.timelines import Timelines
 from depth_pose.rooms.tracks import RoomTracks
 from depth_pose.rooms.watch import CLOCK_S, CameraWatch
 from depth_pose.track.state import FilterState
@@ -87,6 +88,7 @@ class RoomMerger:
         self.T_room_camera = list(T_room_camera)
         self.clock_offsets_s = list(clock_offsets_s) or [0.0] * len(self.T_room_camera)
         self.tracks, self.watch = RoomTracks(), CameraWatch(names)
+        self._times = Timelines(len(self.T_room_camera))
         self._jumps = [JumpMeter() for _ in self.T_room_camera]
         self._smooth = smooth or SmoothConfig()
         self._kept: dict[str, _Kept] = {}
@@ -104,8 +106,13 @@ class RoomMerger:
         return stamp_ns - round(self.clock_offsets_s[camera] * 1e9)
 
     def add(
-        self, camera: int, stamp_ns: int, skeletons: Sequence[Skeleton], now_s: float | None = None
-    ) -> None:
+        self,
+        camera: int,
+        stamp_ns: int,
+        skeletons: Sequence[Skeleton],
+        now_s: float | None = None,
+        ids: Sequence[str] | None = None,
+    ) -> bool:
         """Add the people of one frame of one camera.
 
         Parameters
@@ -117,12 +124,31 @@ class RoomMerger:
             In the camera's optical frame; lost ones are left out.
         now_s : float, optional
             Time of the arrival, seconds; the stamp by default.
+        ids : sequence of str, optional
+            Of all people in the frame; those of the skeletons by default.
+
+        Returns
+        -------
+        bool
+            Whether the frame was taken: not where its stamp is wrong, or its camera is left out.
         """
-        self.watch.hear(camera, stamp_ns, stamp_ns * 1e-9 if now_s is None else now_s)
-        T, stamp_ns = self.T_room_camera[camera], self.room_stamp_ns(camera, stamp_ns)
-        if T is None:
-            return
         now_s = stamp_ns * 1e-9 if now_s is None else now_s
+        time = self._times.judge(camera, self.room_stamp_ns(camera, stamp_ns), now_s)
+        if time.skipped:
+            return False
+        if time.has_jumped:
+            self.watch.jump(camera)
+        self.watch.hear(camera, stamp_ns, now_s)
+        names = [s.body_id for s in skeletons] if ids is None else ids
+        is_bad = self.watch.count_people(camera, names, now_s)
+        T, stamp_ns = self.T_room_camera[camera], self.room_stamp_ns(camera, stamp_ns)
+        if time.apart_s:
+            self.watch.reject(camera, time.apart_s, time.other)
+            is_bad = True
+        if T is None or is_bad:
+            self.tracks.leave_out(camera)
+            self.check(now_s)
+            return False
         people = [RoomSighting.of(place(s, T, self.frame_id)) for s in skeletons if not s.is_lost]
         if self.watch.is_used(camera):
             self.tracks.assign(camera, stamp_ns, people)
@@ -132,6 +158,7 @@ class RoomMerger:
         jump = self._jumps[camera].measure(stamp_ns, people)
         self.watch.compare(camera, stamp_ns, now_s, compared, jump)
         self.check(now_s)
+        return self.watch.is_used(camera)
 
     def check(self, now_s: float) -> None:
         """Leave out cameras that stopped, lag or were moved; call it also while nothing arrives."""

@@ -14,7 +14,9 @@ import numpy as np
 from depth_pose.core.errors import InputError
 from depth_pose.io.mcap_write import SkeletonWriter
 from depth_pose.rooms.camera_frame import CameraFrame
+from depth_pose.rooms.fit_check import FitCheck
 from depth_pose.rooms.fusion import RoomFusion, RoomResult
+from depth_pose.rooms.merge import place
 from depth_pose.rooms.rig import ROOM_FRAME
 from depth_pose.rooms.watching import Watched, read_spool
 
@@ -126,6 +128,18 @@ def process_room(
         fuse_ms=float(np.median(times_ms)),
         leader=fusion.rig.cameras[leader].name,
     )
+
+
+def misfits(watched: Sequence[Watched], fusion: RoomFusion) -> list[str]:
+    """Return a line for each camera that does not fit the others, from the people whom two of them see."""
+    cameras = fusion.rig.cameras
+    check = FitCheck([c.name for c in cameras])
+    for k, one in enumerate(watched):
+        T = cameras[k].T_room_camera
+        for frame in read_spool(one.spool):
+            placed = [place(s, T, ROOM_FRAME) for s in frame.skeletons if not s.is_lost]
+            check.add(k, fusion.room_stamp(k, frame.stamp_ns), placed)
+    return check.lines()
 
 
 def _write(writer: SkeletonWriter, result: RoomResult, stamp_ns: int, markers: bool) -> None:

@@ -25,10 +25,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
-from depth_pose.core.errors import ConfigError
+from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.outputs import new_text_file
 from depth_pose.core.reading import parse_yaml, read_text
+from depth_pose.io.calibration import camera_from_info
 from depth_pose.rooms.rig import T_WORLD_ROOM, RigCamera
+from depth_pose.rooms.rig_checks import check_offset, check_transform
 
 _UPRIGHT: dict[str, NDArray[np.float64]] = {
     "y": np.eye(4),
@@ -99,7 +101,8 @@ def load_rig(path: Path) -> Rig:
         where = f"{path}: cameras[{i}]"
         cameras.append(_camera(where, entry, T_upright_world))
         topics.append(str(entry.get("topic", f"/{cameras[-1].name}/silhouette")))
-        offsets.append(float(_numbers(where, {"clock_offset": 0.0, **entry}, "clock_offset", 1)[0]))
+        offset_s = float(_numbers(where, {"clock_offset": 0.0, **entry}, "clock_offset", 1)[0])
+        offsets.append(check_offset(where, offset_s))
         frames.append(str(entry.get("frame_id", "")))
     names = [c.name for c in cameras]
     if len(set(names)) < len(names):
@@ -118,7 +121,12 @@ def _camera(where: str, entry: Any, T_upright_world: NDArray[np.float64]) -> Rig
     fx, fy, cx, cy = _numbers(where, entry, "intrinsics", 4).tolist()
     if min(width, height) < 1 or min(fx, fy) <= 0:
         raise ConfigError(f"{where}: size and focal lengths must be positive")
+    try:
+        camera_from_info((fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0), (), width, height)
+    except InputError as error:
+        raise ConfigError(f"{where}: {str(error).removeprefix('camera_info: ')}") from error
     T_camera_world = _numbers(where, entry, "T_camera_world", 16).reshape(4, 4)
+    check_transform(f"{where}.T_camera_world", T_camera_world)
     T_camera_upright = T_camera_world @ np.linalg.inv(T_upright_world)
     return RigCamera(name, Camera(width, height, fx, fy, cx, cy), T_camera_upright)
 

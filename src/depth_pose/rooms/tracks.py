@@ -22,6 +22,9 @@ from depth_pose.track.tracks import best_pairs
 FORGET_NS = 10_000_000_000
 """Time (ns) after which a person that no camera sees is forgotten."""
 
+_MOST_PEOPLE = 100
+"""Maximum number of people who are remembered; set by hand."""
+
 _BACK_NS = 1_000_000_000
 """A jump back of the stamps by more than this (ns) begins a new session; set by hand."""
 
@@ -101,6 +104,9 @@ class RoomTracks:
             self.reset()
         self._newest_ns = max(self._newest_ns, stamp_ns)
         self.people = [p for p in self.people if self._newest_ns - p.seen_ns <= FORGET_NS]
+        if len(self.people) > _MOST_PEOPLE:
+            known = sorted(self.people, key=lambda p: (p.shared, p.seen_ns))[-_MOST_PEOPLE:]
+            self.people = sorted(known, key=lambda p: p.number)
         found = self._pair(camera, stamp_ns, people)
         for k, sighting in enumerate(people):
             if k not in found:

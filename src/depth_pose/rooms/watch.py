@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -46,6 +46,10 @@ _JUMP_FADES_S = 3.0
 """Time constant (s) of the memory of a jump of all of a camera's people; set by hand."""
 
 
+MOST_NEW, NEW_S = 30, 2.0
+"""A camera that names more new people than this in this time (s) sees what is not there; set by hand."""
+
+
 class CameraState(Enum):
     """How a camera takes part."""
 
@@ -54,6 +58,8 @@ class CameraState(Enum):
     STOPPED = "stopped"
     LAGS = "lags"
     MOVED = "was moved"
+    GHOSTS = "sees people who are not there"
+    OTHER_TIME = "has another time"
 
 
 @dataclass(eq=False)
@@ -81,6 +87,8 @@ class WatchedCamera:
     agrees_s: float | None = None
     timely_s: float | None = None
     jump_m: float = 0.0
+    ids: frozenset[str] = frozenset()
+    new_s: deque[float] = field(default_factory=lambda: deque(maxlen=MOST_NEW + 1))
 
     @property
     def delay_s(self) -> float:
@@ -161,6 +169,48 @@ class CameraWatch:
         if of.state == CameraState.WAITING:
             of.state = CameraState.USED
 
+    def count_people(self, camera: int, ids: Collection[str], now_s: float) -> bool:
+        """Record who a camera sees; return whether it is left out, because it names ever new people."""
+        of = self.cameras[camera]
+        of.new_s.extend([now_s] * self._new_people(of, ids))
+        of.ids = frozenset(ids)
+        if self._is_haunted(of, now_s):
+            of.timely_s = of.agrees_s = None
+            self._leave_out(of, CameraState.GHOSTS, f"names more than {MOST_NEW} new people in {NEW_S:.0f} s")
+            return True
+        return False
+
+    def is_haunted(self, camera: int, ids: Collection[str], now_s: float) -> bool:
+        """Check whether a camera that names these people would be left out, before they are read."""
+        of = self.cameras[camera]
+        new = self._new_people(of, ids)
+        return new > MOST_NEW or (of.state == CameraState.GHOSTS and (new > 0 or self._is_haunted(of, now_s)))
+
+    @staticmethod
+    def _new_people(of: WatchedCamera, ids: Collection[str]) -> int:
+        return min(len(set(ids) - of.ids), MOST_NEW + 1)
+
+    @staticmethod
+    def _is_haunted(of: WatchedCamera, now_s: float) -> bool:
+        """Whether a camera names more new people than there can be."""
+        return len(of.new_s) > MOST_NEW and 0.0 <= now_s - of.new_s[0] <= NEW_S
+
+    def jump(self, camera: int) -> None:
+        """Record that a camera's clock jumped: its delays are judged anew."""
+        self.cameras[camera].delays.clear()
+
+    def reject(self, camera: int, apart_s: float, other: int) -> None:
+        """Leave a camera out whose stamps are far from those of another."""
+        of = self.cameras[camera]
+        of.timely_s = of.agrees_s = None
+        when = "ahead of" if apart_s > 0 else "behind"
+        self._leave_out(
+            of,
+            CameraState.OTHER_TIME,
+            f"has another time: its stamps are {abs(apart_s):.1f} s {when} those of "
+            f"{self.cameras[other].name}; synchronise the clocks (chrony, PTP)",
+        )
+
     def compare(
         self, camera: int, stamp_ns: int, now_s: float, compared: Sequence[Comparison], jump: float = 0.0
     ) -> None:
@@ -232,7 +282,7 @@ class CameraWatch:
         silent_s, late_s, before = now_s - of.heard_s, self._late_s(camera), of.state
         if silent_s > STOPPED_S:
             self._leave_out(of, CameraState.STOPPED, f"stopped: nothing came for {silent_s:.1f} s")
-        elif abs(late_s) > LATE_S:
+        elif of.state != CameraState.OTHER_TIME and abs(late_s) > LATE_S:
             of.timely_s = None
             when = "later" if late_s > 0 else "earlier"
             self._leave_out(
@@ -241,7 +291,7 @@ class CameraWatch:
                 f"lags: its messages come {abs(late_s):.2f} s {when} after their stamps than the others'; "
                 "its computer is busy, or its clock is wrong",
             )
-        elif before != CameraState.USED:
+        elif before != CameraState.USED and not self._is_haunted(of, now_s):
             self._take_back(of, now_s)
         return before == CameraState.USED != of.state
 

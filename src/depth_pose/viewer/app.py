@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import wait
 from contextlib import redirect_stdout, suppress
 from dataclasses import fields
 from functools import partial
@@ -33,6 +35,9 @@ from depth_pose.viewer.tables import chosen, nodes_table, people_table
 
 RATE_HZ = 15.0
 """Maximum frames drawn per second; fewer if a browser takes longer. Set by hand."""
+
+_LOOK_S = 0.2
+"""Seconds between two looks whether the viewer ends while a frame is drawn."""
 
 _TABLE_S = 0.4
 """Time between two updates of the panel's table, seconds. For readability."""
@@ -162,15 +167,34 @@ class Viewer:
             frame = self._next(now - last)
             last = now
             if frame is not None and (frame is not self.frame or self._must_draw):
-                self._draw(frame)
+                self._on_loop(self._draw, frame)
                 self.rate_limit.sent()
                 is_settled = False
             elif not is_settled:
-                self._scene.settle()
+                self._on_loop(self._scene.settle)
                 is_settled = True
             if now - told > _TABLE_S:
                 told = now
-                self._tell()
+                self._on_loop(self._tell)
+
+    def _on_loop(self, call: Callable[..., None], *arguments: Any) -> None:
+        """Call on viser's loop, and wait: another thread's calls fail at times while browsers do not read."""
+
+        async def once() -> None:
+            call(*arguments)
+
+        future = asyncio.run_coroutine_threadsafe(once(), self.server.get_event_loop())
+        while not future.done():
+            wait([future], timeout=_LOOK_S)
+            if self._stopping.is_set():
+                future.cancel()
+        if future.cancelled():
+            return
+        error = future.exception()
+        if isinstance(error, RuntimeError) and "mutated during iteration" in str(error):
+            self._must_draw = True  # a frame was drawn in part
+        elif error is not None:
+            raise error
 
     def stop(self) -> None:
         """End `run` and the server."""
@@ -404,7 +428,7 @@ class Viewer:
                         playback.playing = True
                         playback.advance(1.0 / _CLIP_HZ if i else 0.0)
                         playback.playing = False
-                    self._draw(self._recorded.frame(playback.index))
+                    self._on_loop(self._draw, self._recorded.frame(playback.index))
                 pictures.append(
                     event.client.get_render(height, width, transport_format="jpeg", timeout=_RENDER_S)
                 )

@@ -41,6 +41,21 @@ def check_people(what: str, body_ids: Sequence[str]) -> None:
         )
 
 
+def check_shares(what: str, numbers: ArrayLike) -> NDArray[np.float32]:
+    """Return confidences or probabilities as an array.
+
+    Raises
+    ------
+    InputError
+        If one is NaN or not 0 to 1.
+    """
+    array = np.asarray(numbers, np.float32)
+    is_good = (array >= 0.0) & (array <= 1.0)
+    if not is_good.all():
+        raise InputError(f"{what} has the confidence {array[~is_good].ravel()[0]:g}; it is 0 to 1")
+    return array
+
+
 def check_numbers(what: str, numbers: ArrayLike, most: float = FARTHEST_M) -> NDArray[np.float64]:
     """Return numbers as an array.
 

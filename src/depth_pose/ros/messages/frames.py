@@ -6,10 +6,11 @@ import numpy as np
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 
 from depth_pose.core.types import DepthFrame
-from depth_pose.io.calibration import camera_from_info, lens_of, rectify_depth
+from depth_pose.io.calibration import lens_of_image
 from depth_pose.io.clouds import decode_points, frame_from_cloud
 from depth_pose.io.compressed import decode_compressed_depth
-from depth_pose.io.decode import decode_depth
+from depth_pose.io.decode import decode_depth, is_order_wrong
+from depth_pose.io.rectification import rectify_depth
 from depth_pose.ros.messages.basics import stamp_to_ns
 
 
@@ -30,15 +31,18 @@ def image_to_frame(
         depth = decode_compressed_depth(msg.format, memoryview(msg.data), unit_m)
     else:
         size = (msg.height, msg.width, msg.step, msg.encoding)
-        depth = decode_depth(memoryview(msg.data), *size, bool(msg.is_bigendian), unit_m)
-    k, d = lens_of(info.k, np.asarray(info.d), info.p, rectified)
-    camera = camera_from_info(k, d, info.width, info.height, info.distortion_model)
+        is_big = bool(msg.is_bigendian) != has_wrong_order(msg)
+        depth = decode_depth(memoryview(msg.data), *size, is_big, unit_m)
+    ideal = rectify_depth(depth, lens_of_image(info, depth.shape[0], depth.shape[1], rectified))
     return DepthFrame(
-        stamp_ns=stamp_to_ns(msg.header.stamp),
-        frame_id=msg.header.frame_id,
-        depth=rectify_depth(depth, camera, d, info.distortion_model),
-        camera=camera,
+        stamp_to_ns(msg.header.stamp), msg.header.frame_id, ideal.depth, ideal.camera, ideal.filled
     )
+
+
+def has_wrong_order(msg: Image) -> bool:
+    """Check whether an image has the other byte order than it says."""
+    size = (msg.height, msg.width, msg.step, msg.encoding)
+    return is_order_wrong(memoryview(msg.data), *size, bool(msg.is_bigendian))
 
 
 def msg_to_frame(msg: PointCloud2, unit_m: float | None = None) -> DepthFrame:

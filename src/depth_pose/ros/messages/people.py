@@ -13,7 +13,7 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.types import TrackedPerson
 from depth_pose.ros.messages.basics import make_header, stamp_to_ns
-from depth_pose.ros.messages.checks import FARTHEST_M, check_numbers, check_people
+from depth_pose.ros.messages.checks import FARTHEST_M, check_numbers, check_people, check_shares
 from depth_pose.track._person_kernels import pack_points, unpack_points
 from depth_pose.track.person_view import FramePeople, see_people
 
@@ -144,6 +144,7 @@ def warm_up() -> None:
 
 def _msg_to_person(msg: TrackedPersonMsg) -> TrackedPerson:
     measured = _msg_to_measurement(msg.measured[0], msg.body_id) if msg.measured else None
+    check_shares(msg.body_id, msg.probability)
     return TrackedPerson(msg.label, msg.body_id, msg.probability, measured)
 
 
@@ -153,7 +154,9 @@ def _msg_to_measurement(msg: JointMeasurementMsg, body_id: str) -> JointMeasurem
         raise InputError(f"{body_id} has {len(heels)} numbers of heels; two heels have 5 each")
     check_numbers(f"a measured joint of {body_id}", msg.places)
     check_numbers(f"a deviation of {body_id}", msg.sigma)
-    check_numbers(f"a confidence of {body_id}", msg.confidence)
+    check_shares(f"a measured joint of {body_id}", msg.confidence)
+    if len(msg.sigma) and not min(msg.sigma) >= 0.0:
+        raise InputError(f"{body_id} has the standard deviation {min(msg.sigma):g}; it is not below 0")
     check_numbers(f"a heel of {body_id}", heels)
     for name in ("sides", "probability"):
         if not 0.0 <= getattr(msg, name) <= 1.0:

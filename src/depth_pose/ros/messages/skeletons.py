@@ -18,7 +18,7 @@ from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, NODE_INDEX, NODES, JointState, Source
 from depth_pose.core.types import BUILD_SIZE, Skeleton
 from depth_pose.ros.messages.basics import make_header, make_quaternion, stamp_to_ns
-from depth_pose.ros.messages.checks import check_numbers, check_people
+from depth_pose.ros.messages.checks import FARTHEST_M, check_numbers, check_people, check_shares
 from depth_pose.track.person_view import FramePeople
 
 _STATES = frozenset(map(int, JointState))
@@ -89,8 +89,8 @@ def msg_to_skeleton(msg: SkeletonMsg) -> Skeleton:
         frame_id=msg.header.frame_id,
         body_id=msg.body_id,
         source=_source_of(msg.source),
-        confidence=msg.confidence,
-        residual=msg.residual,
+        confidence=float(check_shares(msg.body_id or "a skeleton", msg.confidence)),
+        residual=float(check_numbers(f"the residual of {msg.body_id}", msg.residual, FARTHEST_M)),
         scale=float(check_numbers(f"the scale of {msg.body_id}", msg.scale, 100.0)),
         positions=check_numbers(
             f"a joint of {msg.body_id}", [(j.position.x, j.position.y, j.position.z) for j in joints]
@@ -99,7 +99,7 @@ def msg_to_skeleton(msg: SkeletonMsg) -> Skeleton:
             f"the turn of a joint of {msg.body_id}",
             [(j.orientation.x, j.orientation.y, j.orientation.z, j.orientation.w) for j in joints],
         ).reshape(count, 4),
-        joint_confidence=np.array([j.confidence for j in joints], np.float32),
+        joint_confidence=check_shares(f"a joint of {msg.body_id}", [j.confidence for j in joints]),
         joint_states=np.array([j.state for j in joints], np.uint8),
         build=check_numbers(f"the build of {msg.body_id}", msg.build, 100.0).astype(np.float32),
     )

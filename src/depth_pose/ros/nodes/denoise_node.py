@@ -15,18 +15,20 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.mount import rotate_upright
 from depth_pose.core.printable import printable
+from depth_pose.core.stamps import StampFilter
 from depth_pose.core.types import DepthFrame
 from depth_pose.detect.input_repair import InputRepair
 from depth_pose.io import clouds, compressed
 from depth_pose.io.calibration import is_rectified
 from depth_pose.io.camera_infos import CameraInfos
 from depth_pose.io.compressed import TOPIC_ENDING
+from depth_pose.io.decode import WRONG_ORDER
 from depth_pose.io.depth_unit import UnitWatch, unit_of
 from depth_pose.perception import Perception
 from depth_pose.ros.messages import people
 from depth_pose.ros.messages.basics import first_stamp_ns, stamp_to_ns
-from depth_pose.ros.messages.frames import image_to_frame, msg_to_frame
-from depth_pose.ros.nodes.node_base import Deferred, Input, StageNode
+from depth_pose.ros.messages.frames import has_wrong_order, image_to_frame, msg_to_frame
+from depth_pose.ros.nodes.node_base import Deferred, Drop, Input, StageNode
 from depth_pose.ros.nodes.parameters import DENOISE
 from depth_pose.ros.nodes.room_outputs import RoomOutputs
 from depth_pose.ros.process.runner import run_node
@@ -66,6 +68,8 @@ class DenoiseNode(StageNode):
         self._rectified = False
         self.held: deque[Image | CompressedImage] = deque()
         self._in_flight = FramesInFlight()
+        self._order = StampFilter()
+        self._order_doubt = self._axes_doubt = ""
         super().__init__("denoise")
         if not self.lossless:
             self.create_timer(LONGEST_S, self._begin_waiting, clock=self.steady_clock)
@@ -111,6 +115,7 @@ class DenoiseNode(StageNode):
         """Drop the waiting images."""
         self.held.clear()
         self._in_flight.forget()
+        self._order.reset()
 
     def answer(self, message: Any) -> None:
         """Find the people in one frame."""
@@ -119,6 +124,8 @@ class DenoiseNode(StageNode):
         if not self._in_flight.offer(message, time.monotonic()):
             raise Deferred
         frame = self._frame(message)
+        if reason := self._order.why_skipped(frame.stamp_ns):
+            raise Drop("stamp out of order", f"a frame is skipped: {reason}")
         upright = rotate_upright(self._repair.apply(frame), self.config.mount)
         self._room.take_level(frame, self.stage.floor_finder)
         found = self.stage.perceive(upright)
@@ -126,7 +133,10 @@ class DenoiseNode(StageNode):
         self._points.publish(points)
         self._people.publish(names)
         self._in_flight.begin(found.stamp_ns, time.monotonic())
-        self._room.publish(frame, found, self.stage.floor_finder)
+        is_turned = isinstance(message, PointCloud2) and frame.frame_id != message.header.frame_id
+        self._room.publish(frame, found, self.stage.floor_finder, is_turned=is_turned)
+        if is_turned and not self._axes_doubt:
+            self._axes_doubt = f"{clouds.BODY_AXES}{frame.frame_id}"
         self._mounting.look(upright, found)
         is_found = bool(found.persons)
         self._nobody.look(
@@ -157,6 +167,8 @@ class DenoiseNode(StageNode):
                 raise Deferred
             frame = image_to_frame(message, info, self._rectified, self._unit_m)
             is_plain = isinstance(message, Image)
+            if is_plain and not self._order_doubt and has_wrong_order(message):
+                self._order_doubt = WRONG_ORDER
             unit_m = unit_of(message.encoding if is_plain else message.format.partition(";")[0].strip())
         if self._unit_m is None:
             self._units.look(frame.depth, unit_m)
@@ -184,8 +196,9 @@ class DenoiseNode(StageNode):
         unit = self._units.doubt if self._units.is_decided else ""
         mounting = self._room.doubt or self._mounting.doubt
         nobody = "" if unit else self._nobody.doubt
-        kinds = (("unit", unit), ("mount", mounting), ("input", self._repair.doubt), ("nobody", nobody))
-        return {kind: line for kind, line in kinds if line}
+        kinds = {"unit": unit, "mount": mounting, "input": self._repair.doubt, "order": self._order_doubt}
+        kinds |= {"axes": self._axes_doubt, "nobody": nobody}
+        return {kind: line for kind, line in kinds.items() if line}
 
     def judge(self) -> tuple[bytes, str]:
         """Return the level and the text of this second's diagnostics, with warnings about the images."""

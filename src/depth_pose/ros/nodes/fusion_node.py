@@ -139,13 +139,16 @@ class FusionNode(BankNode):
 
     def answer(self, *messages: tuple[int, SkeletonArray]) -> None:
         """Take the cameras' skeletons; publish the merged ones once the fastest camera has sent its own."""
-        for camera, message in messages:
-            self.guard(self._topics[camera], self._take, camera, message)
+        taken = [
+            (camera, message)
+            for camera, message in messages
+            if self.guard(self._topics[camera], self._take, camera, message)
+        ]
         self._say_news()
         self._pace = self.stage.watch.fastest(self._pace)
         stamps = [
             self.stage.room_stamp_ns(camera, stamp_to_ns(message.header.stamp))
-            for camera, message in messages
+            for camera, message in taken
             if camera == self._pace
         ]
         if not stamps or not self._is_new(max(stamps)):
@@ -153,12 +156,15 @@ class FusionNode(BankNode):
         self._answered_ns = max(stamps)
         self._publish(self.stage.skeletons_at(self._answered_ns), self._answered_ns)
 
-    def _take(self, camera: int, message: SkeletonArray) -> None:
-        check_people("skeletons", [s.body_id for s in message.skeletons])
-        skeletons = [msg_to_skeleton(s) for s in message.skeletons]
+    def _take(self, camera: int, message: SkeletonArray) -> bool:
+        """Take a camera's message; return whether it takes part in the room."""
+        ids = [s.body_id for s in message.skeletons]
+        check_people("skeletons", ids)
+        is_haunted = self.stage.watch.is_haunted(camera, ids, self._now_s())
+        skeletons = [msg_to_skeleton(s) for s in message.skeletons[: 0 if is_haunted else None]]
         stamp_ns, frame_id = stamp_to_ns(message.header.stamp), message.header.frame_id
         self.stage.T_room_camera[camera] = self._poses.find(camera, frame_id)
-        self.stage.add(camera, stamp_ns, skeletons, self._now_s())
+        return bool(self.stage.add(camera, stamp_ns, skeletons, self._now_s(), ids))
 
     def _is_new(self, stamp_ns: int) -> bool:
         """Whether a stamp is later than the last answer's, or a replay has restarted."""

@@ -95,6 +95,7 @@ class StageNode(TopicNode, ABC):
         self.create_timer(1.0, self.publish_diagnostics, clock=self.steady_clock)
         self.create_timer(0.5, self._watch, clock=self.steady_clock)
         self._joined_ticks = 0
+        self._guard_transitions()
         self._ready_timer = self.create_timer(_READY_TICK_S, self._tell_ready, clock=self.steady_clock)
         if self.value("autostart"):
             self.start()
@@ -146,6 +147,32 @@ class StageNode(TopicNode, ABC):
         """Drop messages that a subclass keeps; called when the node is paused or cleaned up."""
 
     # Life cycle
+
+    @property
+    def state_label(self) -> str:
+        """The lifecycle state, in words."""
+        if self.is_active:
+            return "active"
+        return "unconfigured or finalized" if self.intake is None else "inactive"
+
+    def _guard_transitions(self) -> None:
+        """Answer requests for transitions that are not possible now: rclpy raises, and the client waits."""
+        (service,) = (s for s in self.services if s.srv_name.endswith("/change_state"))
+        change = service.callback
+
+        def change_if_possible(request: Any, response: Any) -> Any:
+            try:
+                return change(request, response)
+            except Exception as error:  # rclpy's own, of a private module
+                what = request.transition.label or f"{request.transition.id}"
+                why = printable(str(error).partition("\n")[0].partition(", at ")[0])
+                self.get_logger().warning(
+                    f"the transition {printable(what)} is not possible from {self.state_label}: {why}"
+                )
+                response.success = False
+                return response
+
+        service.callback = change_if_possible
 
     def start(self) -> None:
         """Configure and activate.

@@ -14,6 +14,7 @@ from depth_pose.core.config import MountConfig
 from depth_pose.core.mount import UPRIGHT, rotation_sensor_upright
 from depth_pose.core.types import DepthFrame
 from depth_pose.detect.floor import Floor, FloorFinder
+from depth_pose.io.clouds import OPTICAL, R_BODY_OPTICAL
 from depth_pose.ros.messages.basics import make_header
 from depth_pose.ros.transport.level import Level
 from depth_pose.ros.transport.tf import LATCHED, Transforms, pose_of, stamped
@@ -60,7 +61,9 @@ class RoomOutputs:
         self._mount: MountConfig = self._config.mount
         self._published_floor: Floor | None = None
 
-    def publish(self, frame: DepthFrame, people: FramePeople, finder: FloorFinder) -> None:
+    def publish(
+        self, frame: DepthFrame, people: FramePeople, finder: FloorFinder, *, is_turned: bool = False
+    ) -> None:
         """Publish the enabled outputs of one frame.
 
         Parameters
@@ -71,7 +74,10 @@ class RoomOutputs:
             Of this frame.
         finder : FloorFinder
             Holds the floor.
+        is_turned : bool
+            Whether a cloud was turned to optical axes (`depth_pose.io.clouds.is_body_frame`).
         """
+        self._is_turned = is_turned
         if self._node.config is not self._config:
             self._take_settings()
         if self._labels.get_subscription_count():
@@ -81,6 +87,7 @@ class RoomOutputs:
             self._tell_floor(frame, finder.floor)
         if (frame.frame_id, self._mount.roll) != self._upright:
             self._tell_upright(frame)
+            self._tell_optical(frame)
 
     def take_level(self, frame: DepthFrame, finder: FloorFinder) -> None:
         """Give a finder the measured direction of up, and compare it with the roll of the mounting."""
@@ -112,6 +119,17 @@ class RoomOutputs:
         T = np.eye(4)
         T[:3, :3] = rotation_sensor_upright(self._mount.roll)
         self._statics.publish([stamped(frame.stamp_ns, frame.frame_id, frame.frame_id + UPRIGHT, T)])
+
+    def _tell_optical(self, frame: DepthFrame) -> None:
+        """Publish the optical frame of a cloud that came in a body frame."""
+        body = frame.frame_id.removesuffix(OPTICAL)
+        if not self._is_turned or body == frame.frame_id or importlib.util.find_spec("tf2_msgs") is None:
+            return
+        if self._statics is None:
+            self._statics = Transforms(self._node, "the optical frame", static=True)
+        T = np.eye(4)
+        T[:3, :3] = R_BODY_OPTICAL
+        self._statics.publish([stamped(frame.stamp_ns, body, frame.frame_id, T)])
 
 
 def labels_to_msg(labels: NDArray[np.uint8], frame: DepthFrame) -> Image:

@@ -21,7 +21,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.errors import ConfigError, InputError, raise_if_interrupted
 from depth_pose.core.options import Sections
 from depth_pose.core.printable import printable, printable_lines
 from depth_pose.ros.nodes.parameters import COMMON, declare
@@ -115,19 +115,21 @@ class TopicNode(LifecycleNode, ABC):
         take = partial(self.guard, topic, callback)
         self._latched.append(LatchedTopic(self, kind, topic, take, depth))
 
-    def guard(self, topic: str, call: Callable[..., None], *arguments: Any) -> None:
-        """Call the handler of a message; count bad messages instead of raising."""
+    def guard(self, topic: str, call: Callable[..., Any], *arguments: Any) -> Any:
+        """Call the handler of a message and return its result; count bad messages instead of raising."""
         try:
-            call(*arguments)
+            return call(*arguments)
         except ConfigError:  # the settings are wrong, not the message
             raise
         except InputError as e:
             self.drop("bad input", f"{topic}: {e}")
         except Exception as e:
             self.survive(e, topic)
+        return None
 
     def survive(self, error: Exception, where: str) -> None:
         """Log and count an unexpected error, unless it is caused by a stop signal."""
+        raise_if_interrupted(error)
         if self.context.ok():
             self.get_logger().error(
                 printable_lines(traceback.format_exc()), throttle_duration_sec=LOG_EVERY_S

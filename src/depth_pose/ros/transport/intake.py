@@ -12,6 +12,7 @@ from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from depth_pose.core.errors import DepthPoseError
+from depth_pose.core.stamps import is_late
 from depth_pose.ros.messages.basics import stamp_to_ns
 from depth_pose.ros.transport.host import FrameConsumer
 from depth_pose.ros.transport.losses import count_lost, packet_loss_advice
@@ -271,9 +272,9 @@ class Intake:
             self._node.drop("same stamp", what)
             return False
         self._node.count("stamps going back")
-        back_s = (last - stamp_ns) / 1e9
+        then = "a late frame is skipped" if is_late(stamp_ns, last) else "earlier frames are forgotten"
         self._node.get_logger().warning(
-            f"the stamps of {topic} went back by {back_s:.3f} s; what was kept of earlier frames is dropped",
+            f"the stamps of {topic} went back by {(last - stamp_ns) / 1e9:.3f} s; {then}",
             throttle_duration_sec=LOG_EVERY_S,
         )
         return True

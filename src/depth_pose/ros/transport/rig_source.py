@@ -14,7 +14,7 @@ from sensor_msgs.msg import CameraInfo
 
 from depth_pose.core.errors import ConfigError, DepthPoseError
 from depth_pose.core.printable import printable
-from depth_pose.io.calibration import camera_from_info
+from depth_pose.io.calibration import camera_of_rectified
 from depth_pose.rooms.rig import RigCamera
 from depth_pose.rooms.rigfile import Rig, load_rig, upright_from
 from depth_pose.rooms.transform_tree import TransformTree, pose_matrix
@@ -122,7 +122,7 @@ class RigSource:
             if T_world_camera is None:
                 return
             try:
-                camera = camera_from_info(info.k, info.d, info.width, info.height, info.distortion_model)
+                camera = camera_of_rectified(info)
             except DepthPoseError as error:  # the next message may be valid
                 self._complain(f"CameraInfo of {topic}", error)
                 del self._infos[i]
