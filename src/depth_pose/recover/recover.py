@@ -29,7 +29,7 @@ from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import Source
 from depth_pose.core.types import Skeleton
 from depth_pose.recover.confidence import fit_confidence
-from depth_pose.recover.failure import KINDS, Failure, FailureCheck, Verdict, excess_of, judge
+from depth_pose.recover.failure import KINDS, Failure, FailureCheck, Verdict, judge, limit_excess
 from depth_pose.recover.other_view import renew_sides
 from depth_pose.recover.published import is_doubtful, is_hopeless, is_published, renew_standing
 from depth_pose.recover.report import TRUST, to_skeleton
@@ -132,7 +132,7 @@ class Recoverer:
         answer = replace(answer, build=average, source=Source.RECOVERED)
         skeleton = to_skeleton(person, answer)
         renew_sides(Sides(), skeleton.positions, person.measured, person.stamp_ns)
-        excess_of(answer.pose.rotations)
+        limit_excess(self.bank.body, answer)
         if self._clouds is not None:
             self._clouds.carry(person, person, answer)
 
