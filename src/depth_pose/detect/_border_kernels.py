@@ -16,6 +16,10 @@ floor."""
 _HIDES_M = 0.6
 """Distance (m) beside a person's mask within which a nearer object may occlude more of the person: a limb."""
 
+_SURE_M, _ACROSS = 0.05, 1.5
+"""Deviation (m) of a measured limb up to which its silhouette is trusted, set by hand, and how far beyond it may
+lie to either side, in deviations; 2.5 is no better."""
+
 
 @njit(cache=True)
 def mark_unsupported(depth, labels, jump, least):
@@ -88,6 +92,49 @@ def mark_nearer(depth, labels, camera, gap):
         for j in range(cols):
             if hides[i, j]:
                 labels[i, j] = HIDDEN
+
+
+@njit(cache=True)
+def mark_at_limbs(depth, labels, camera, ends, places, sigma):
+    """Label as hidden the background that is not behind a measured limb: a limb may be there unseen.
+
+    Skin is contradicted by background that is farther away, but not by a table in front of a shin, nor by a
+    shin that the mask misses. Each part of a limb runs from a joint of ``ends`` to the joint before it.
+    ``places`` (J, 3) are in the camera frame; ``sigma`` (J, 2) are their deviations across and along the ray,
+    metres. A limb that is sure marks nothing, since the silhouette beside it is trusted.
+    """
+    rows, cols = depth.shape
+    for k in ends:
+        z0, z1 = places[k - 1, 2], places[k, 2]
+        if not min(z0, z1) > 0.0:
+            continue
+        u0 = camera.fx * places[k - 1, 0] / z0 + camera.cx
+        v0 = camera.fy * places[k - 1, 1] / z0 + camera.cy
+        du = camera.fx * places[k, 0] / z1 + camera.cx - u0
+        dv = camera.fy * places[k, 1] / z1 + camera.cy - v0
+        most = _unsure(max(sigma[k - 1, 0], sigma[k, 0])) * camera.fx / min(z0, z1)
+        if most <= 0.0:
+            continue
+        top, bottom = int(min(v0, v0 + dv) - most), int(max(v0, v0 + dv) + most) + 2
+        left, right = int(min(u0, u0 + du) - most), int(max(u0, u0 + du) + most) + 2
+        for i in range(max(0, top), min(rows, bottom)):
+            for j in range(max(0, left), min(cols, right)):
+                if labels[i, j] != BACKGROUND or depth[i, j] <= 0.0:
+                    continue
+                t = ((j - u0) * du + (i - v0) * dv) / max(du * du + dv * dv, 1e-6)
+                t = min(max(t, 0.0), 1.0)
+                z = z0 + t * (z1 - z0)
+                reach = _unsure(sigma[k - 1, 0] + t * (sigma[k, 0] - sigma[k - 1, 0])) * camera.fx / z
+                if (j - u0 - t * du) ** 2 + (i - v0 - t * dv) ** 2 > reach * reach:
+                    continue
+                if depth[i, j] < z + sigma[k - 1, 1] + t * (sigma[k, 1] - sigma[k - 1, 1]):
+                    labels[i, j] = HIDDEN
+
+
+@njit(cache=True)
+def _unsure(sigma):
+    """Compute how far to either side a limb may lie, metres; 0 up to a deviation of `_SURE_M`."""
+    return _ACROSS * np.sqrt(max(0.0, sigma * sigma - _SURE_M * _SURE_M))
 
 
 class LimbLimits(NamedTuple):

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.measurement import JointMeasurement
+from depth_pose.core.skeleton import JOINTS
 from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
 from depth_pose.detect import working_grid
-from depth_pose.detect._border_kernels import mark_nearer
+from depth_pose.detect._border_kernels import mark_at_limbs, mark_nearer
 from depth_pose.detect.candidates import CandidateFinder, Candidates
 from depth_pose.detect.crop import Crop
 from depth_pose.detect.crop_mask import add_and_remove, refuse
@@ -35,6 +36,10 @@ _ALONE_M = 1.2
 
 _STEP_NS = 30_000_000
 """Time between the two frames of the warm-up, nanoseconds: the second is carried over (`MaskPropagation`)."""
+
+_LEG_ENDS = np.array([k for k, name in enumerate(JOINTS) if name.endswith(("knee", "ankle", "foot"))])
+"""Lower end of each part of a leg, whose upper end is the joint before it. Arms, too, would cost 2 mm where
+people bend down or sit: they are seldom behind furniture."""
 
 
 class LearnedSegmenter:
@@ -110,6 +115,8 @@ class LearnedSegmenter:
         self._masks.keep(found, sure, frame.stamp_ns, labels)
         if detections:  # removed pixels may occlude more of a person
             mark_nearer(found.depth, labels, found.camera, self._tuning.depth_jump)
+        for person in sure:
+            _mark_legs(person.measured, found, labels)
         is_person = (labels != BACKGROUND) & (labels != HIDDEN)
         return Segmentation(
             depth=np.where(is_person, found.depth, np.float32(0)),
@@ -136,6 +143,12 @@ class LearnedSegmenter:
         return self.joint_net.look(
             Crop(found.depth, labels, found.camera, person.label, person.torso, person.probability)
         )
+
+
+def _mark_legs(measured: JointMeasurement | None, found: Candidates, labels: NDArray[np.uint8]) -> None:
+    """Label as hidden what may hide a person's measured legs."""
+    if measured is not None:
+        mark_at_limbs(found.depth, labels, found.camera, _LEG_ENDS, measured.places, measured.sigma)
 
 
 def _is_alone(person: Detection, people: Sequence[Detection]) -> bool:
