@@ -17,8 +17,8 @@ _HIDES_M = 0.6
 """Distance (m) beside a person's mask within which a nearer object may occlude more of the person: a limb."""
 
 _SURE_M, _ACROSS = 0.05, 1.5
-"""Deviation (m) of a measured limb up to which its silhouette is trusted, set by hand, and how far beyond it may
-lie to either side, in deviations; 2.5 is no better."""
+"""Deviation (m) of a measured limb up to which its silhouette is trusted, set by hand; and how far beyond it
+may lie to either side, in deviations: 2.5 is no better."""
 
 
 @njit(cache=True)
