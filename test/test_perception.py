@@ -98,9 +98,10 @@ def child_and_adult(adult):
 
 
 def test_people_are_named_anew_where_stamps_jump(person):
-    """A child is followed while an adult comes in; not after a jump of the stamps."""
+    """A child is followed while an adult comes in, and over a second's silence; not after a jump."""
     alone, both = child_and_adult(person)
-    for step_ns, same in ((syn.STEP_NS, True), (-syn.STEP_NS, False), (10**9, False)):
+    steps = ((syn.STEP_NS, True), (10**9, True), (-syn.STEP_NS, False), (3 * 10**9, False))
+    for step_ns, same in steps:
         perception = Perception(SegmentConfig(), DenoiseConfig())
         (first,) = perception.perceive(syn.to_frame(alone)).persons
         later = perception.perceive(syn.to_frame(both, syn.START_NS + step_ns)).persons

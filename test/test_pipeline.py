@@ -12,10 +12,12 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.config import MatchConfig, PersonalConfig, PipelineConfig
 from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.core.stamps import LONGEST_SILENCE_NS
+from depth_pose.match.tuning import MatchTuning
 from depth_pose.motion.procedural.generator import make_clip
 from depth_pose.pipeline import PosePipeline
 from depth_pose.recover.confidence import report_joints, skeleton_confidence
 from depth_pose.recover.measurements import weigh_joints
+from depth_pose.tuning import Tuning
 
 FRAMES = 10
 
@@ -154,7 +156,8 @@ def test_settings_reach_their_steps(bank, clip):
     )
     assert PosePipeline(bank, config).process_frame(clip[0][0]).skeleton.is_lost
     near = PipelineConfig.from_mapping({"build": {"scale": 0.8}})
-    (match,) = PosePipeline(bank, near).process_frame(clip[0][0]).matches
+    few = Tuning(match=MatchTuning(keep=2))
+    (match,) = PosePipeline(bank, near, few).process_frame(clip[0][0]).matches
     assert match.scale == 0.8
     assert len(match.candidates) <= 2
 
