@@ -406,7 +406,7 @@ def _channel(path: Path, encoding: str, kind: str, data: bytes, topic: str = IMA
         ("ros1", "custom_msgs/Depth", b"", "ROS 1's custom_msgs/msg/Depth, which is not one of"),
         ("cdr", schemas.IMAGE, b"\x28\xb5\x2f\xfd....", "individually compressed"),
         ("cdr", schemas.IMAGE, b"\0\1\0\0", "cannot be read"),
-        ("cdr", schemas.COMPRESSED, b"\0\1\0\0", "holds colour images; depth is mostly on topics that end in"),
+        ("cdr", schemas.COMPRESSED, b"\0\1\0\0", "holds colour images; depth is mostly on topics"),
         ("cdr", "sensor_msgs/msg/Imu", b"\0\1\0\0", "sensor_msgs/msg/Imu"),
     ],
 )
