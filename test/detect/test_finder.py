@@ -122,13 +122,18 @@ def test_features_against_plain_formulas():
     c, shape = image.camera, (kernels.ROWS, kernels.COLS)
     out = np.empty((kernels.CHANNELS, *shape), np.float32)
     sums = np.zeros((shape[0] + 1, shape[1] + 1))
-    kernels.fill_features(image, sums, sums.astype(np.int64), out)
+    behind = image.depth + np.float32(0.5)
+    behind[:, ::2] = 0.0  # unknown
+    kernels.fill_features(image, behind, sums, sums.astype(np.int64), out)
     rng = np.random.default_rng(1)
     for i, j in zip(rng.integers(0, image.rows, 200), rng.integers(0, image.cols, 200), strict=True):
         z = float(image.depth[i, j])
         assert out[3, i, j] == (z > 0)
+        is_known = behind[i, j] > 0
+        assert out[10, i, j] == (0.0 if z > 0 or not is_known else pytest.approx(1 / behind[i, j], abs=1e-5))
         if z == 0:
             continue
+        assert out[11, i, j] == pytest.approx(2.0 - 0.5 if is_known else 0.0, abs=1e-4)
         expected = [min(1 / z, 2.5)]
         for half in (0.12, 0.5):
             r = max(1, int(half * c.fx / z + 0.5))

@@ -119,12 +119,12 @@ def test_a_reset_forgets_everybody() -> None:
 
 
 def test_people_who_stand_still_are_seen_the_same_in_between() -> None:
-    """What is carried along is what the look said, in the frames in between as well."""
+    """What is carried along is what the look said, up to what a background that is now known changes."""
     frames = [seen(k, [person(0, -1.0, 3.4), person(0, 0.0, 3.2), person(0, 0.9, 2.8)]) for k in range(4)]
     carried, fresh = (LearnedSegmenter(SegmentConfig(), tuning=DetectTuning(look_every=n)) for n in (2, 1))
     for frame in frames:
         pairs = list(zip(*(s.segment(frame).detections for s in (carried, fresh)), strict=True))
         assert len(pairs) == 3
         for a, b in pairs:
-            np.testing.assert_allclose(a.measured.places, b.measured.places, atol=1e-5)
-            assert a.probability == pytest.approx(b.probability)
+            np.testing.assert_allclose(a.measured.places, b.measured.places, atol=0.02)
+            assert a.probability == pytest.approx(b.probability, abs=0.05)

@@ -35,21 +35,12 @@ def test_hands_and_feet_are_the_person_s(frame: int) -> None:
     assert not (labels[~true] == PERSON).any()
 
 
-def test_who_was_not_there_before_is_news_and_another_view_is_not() -> None:
-    segmenter, room = LearnedSegmenter(SegmentConfig()), seen(0, [])
-    there = seen(0, [person(0, -0.5, 3.2)])
-
-    def is_new_content(frame):
-        (detection,) = segmenter.segment(frame).detections
-        return detection.is_new_content
-
-    assert not is_new_content(there)  # nothing was seen before
-    assert not is_new_content(there)
-    segmenter.segment(room)
-    assert is_new_content(there)
-    assert not is_new_content(there)
-    segmenter.segment(replace(room, depth=room.depth + 1.0))
-    assert not is_new_content(there)
+def test_a_camera_that_moves_is_told_from_one_that_stands_still() -> None:
+    segmenter = LearnedSegmenter(SegmentConfig(), tuning=DetectTuning(find_every=1))
+    there = [seen(k, [person(k, -0.5, 3.2)]) for k in range(3)]
+    assert not segmenter.segment(there[0]).is_still  # nothing was seen before
+    assert segmenter.segment(there[1]).is_still
+    assert not segmenter.segment(replace(there[2], depth=there[2].depth + 1.0)).is_still
 
 
 def bar(left: int, right: int, z: float = 2.0):

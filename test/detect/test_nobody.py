@@ -9,6 +9,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import DepthFrame
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
+from depth_pose.detect.tuning import DetectTuning
 from depth_pose.sim.furniture import make_bed, make_pet
 from depth_pose.sim.lookalikes import make_dressed_chair
 from depth_pose.sim.scene_noise import Shown, measure, sample_sensor
@@ -28,7 +29,7 @@ def followed(segmenter: LearnedSegmenter, depth: np.ndarray) -> int:
     """How many are found so surely that they are believed though they have not moved."""
     segmenter.reset()
     found = segmenter.segment(DepthFrame(0, "", depth.astype(np.float32), CAMERA))
-    return sum(s.probability >= segmenter.config.sure for s in found.detections)
+    return sum(s.probability >= DetectTuning().sure for s in found.detections)
 
 
 def stereo(albedo: np.ndarray, depth: np.ndarray, seed: int) -> np.ndarray:

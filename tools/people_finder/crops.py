@@ -82,6 +82,7 @@ class CropSampler:
     def __init__(self) -> None:
         self._grid = np.empty((SIDE, SIDE), np.float32)
         self._whose = np.empty((SIDE, SIDE), np.int64)
+        self._no_background = np.zeros((SIDE, SIDE), np.float32)
 
     def batch(self, seen: list[CloseUp], rng: np.random.Generator | None) -> CropBatch:
         """Crop each close-up; a person hidden by the augmentation is cropped again without it."""
@@ -101,7 +102,7 @@ class CropSampler:
         outside = whose < 0
         if rng is not None:
             labels = np.maximum(whose, 0)
-            spoil(grid, labels, SIDE, SIDE, rng)
+            spoil(grid, labels, self._no_background, SIDE, SIDE, rng)
             grid[outside] = 0.0
             whose[:] = np.where(outside, -1, labels)
         own = whose == 1

@@ -8,6 +8,7 @@ The first look at each is the scene as it is. The file holds, of N sightings:
 =========== ===================== ======================================================================
 depth       (N, 128, 128) uint16    crop around the torso, millimetres; 0 where nothing returned
 whose       (N, 128, 128) uint8     1 of the person, 0 not, 255 outside the image
+mask        (N, 128, 128) uint8     1 where it truly shows the person, 0 where not
 torso       (N, 3) float32        the finder's estimate, metres, optical frame
 probability (N,) float32          the finder's, that this is a person
 is_person   (N,) bool             half of its pixels are one person's, and no other detection has more of them
@@ -106,10 +107,15 @@ class Collector:
             sample_crop(found.depth, labels, found.camera, look, grid, theirs)
             mask = np.where(theirs < 0, OUTSIDE, theirs == person.label).astype(np.uint8)
             joints = shot.joints[owner[k]] if is_person[k] else np.full((len(JOINTS), 3), np.nan, np.float32)
+            truly = np.empty((SIDE, SIDE), np.int64)
+            sample_crop(found.depth, truth, found.camera, look, grid, truly)
+            true_mask = (truly == owner[k] + 1).astype(np.uint8) if is_person[k] else np.zeros_like(mask)
             millimetres = np.rint(1000 * grid).astype(np.uint16)
             torso = person.torso.astype(np.float32)
             probability = np.float32(person.probability)
-            self.rows.append((millimetres, mask, torso, probability, np.bool_(is_person[k]), joints))
+            self.rows.append(
+                (millimetres, mask, true_mask, torso, probability, np.bool_(is_person[k]), joints)
+            )
 
 
 def find_in(weights: Path, shard: Path, looks: int, seed: tuple[int, int]) -> list[tuple[NDArray, ...]]:
@@ -123,7 +129,7 @@ def find_in(weights: Path, shard: Path, looks: int, seed: tuple[int, int]) -> li
 
 def save(rows: list[tuple[NDArray, ...]], path: Path) -> None:
     """Write sightings."""
-    names = ("depth", "whose", "torso", "probability", "is_person", "joints")
+    names = ("depth", "whose", "mask", "torso", "probability", "is_person", "joints")
     path.parent.mkdir(parents=True, exist_ok=True)
     np.savez(path, **{n: np.array(c) for n, c in zip(names, zip(*rows, strict=True), strict=True)})
 
@@ -144,7 +150,7 @@ def main(
         for job in track(jobs, "sightings"):  # in the order of the shards, whichever is done first
             rows += job.result()
     save(rows, out)
-    persons = sum(bool(row[4]) for row in rows)
+    persons = sum(bool(row[5]) for row in rows)
     print(f"{len(rows)} sightings: {persons} people, {len(rows) - persons} things")
 
 

@@ -66,27 +66,45 @@ def collect(finder: PeopleFinder, scenes: Scenes) -> Examples:
     """
     measures, person = [], []
     for k in track(range(len(scenes)), "clusters"):
-        for frame, shown in looks(frame_of(scenes, k), scenes.person[k], cut=k % _CUT_EVERY == 0):
-            image = reduce_frame(frame)
-            _, found = finder.cluster(image)
-            truth = truth_on_grid(shown, image.stride, found.labels.shape)
+        frame = frame_of(scenes, k)
+        empty = scenes.background[k].astype(np.float32) / np.float32(1000) if k % 2 else None
+        for look in looks(frame, scenes.person[k], empty, cut=k % _CUT_EVERY == 0):
+            image = reduce_frame(look.frame)
+            behind = None if look.empty is None else reduce_frame(look.empty).depth
+            _, found = finder.cluster(image, behind)
+            truth = truth_on_grid(look.person, image.stride, found.labels.shape)
             _, is_person = whose(found.labels, truth, len(found.torsos))
             measures += list(found.measures[is_person >= 0])
             person += list(is_person[is_person >= 0])
     return Examples(np.array(measures), np.array(person, bool))
 
 
+@dataclass(frozen=True)
+class Look:
+    """A frame, its person labels, and the room without people where it is known."""
+
+    frame: DepthFrame
+    person: NDArray[np.uint8]
+    empty: DepthFrame | None = None
+
+
 def looks(
-    frame: DepthFrame, person: NDArray[np.uint8], cut: bool
-) -> Iterator[tuple[DepthFrame, NDArray[np.uint8]]]:
-    """Yield a frame with its labels, its mirror image, and with ``cut`` the frame with only its people."""
+    frame: DepthFrame, person: NDArray[np.uint8], empty: NDArray[np.float32] | None, cut: bool
+) -> Iterator[Look]:
+    """Yield a frame, its mirror image with the room where it is known, and with ``cut`` only its people."""
     camera = frame.camera
     person = person[: camera.height, : camera.width]
-    yield frame, person
+    yield Look(frame, person)
     mirrored = camera._replace(cx=camera.width - 1 - camera.cx)
-    yield DepthFrame(0, "", np.ascontiguousarray(frame.depth[:, ::-1]), mirrored), person[:, ::-1]
+    room = None
+    if empty is not None:
+        room = DepthFrame(
+            0, "", np.ascontiguousarray(empty[: camera.height, : camera.width][:, ::-1]), mirrored
+        )
+    flipped = DepthFrame(0, "", np.ascontiguousarray(frame.depth[:, ::-1]), mirrored)
+    yield Look(flipped, person[:, ::-1], room)
     if cut and person.any():
-        yield DepthFrame(0, "", np.where(person > 0, frame.depth, np.float32(0)), camera), person
+        yield Look(DepthFrame(0, "", np.where(person > 0, frame.depth, np.float32(0)), camera), person)
 
 
 def whose(

@@ -8,6 +8,7 @@ holds `SHARD` scenes on a grid of 240 rows by 320 columns, on which the image be
 
 ========== ====================== =====================================================================
 depth      (N, 240, 320) uint16   millimetres; 0 where nothing returned
+background (N, 240, 320) uint16   likewise, of the room without people and pets
 person     (N, 240, 320) uint8    number of the person from 1, 0 for nobody; of the image without noise, so
                                   also where a person returns no depth
 kind       (N, 240, 320) uint8    `depth_pose.sim.shapes.Kind`; likewise
@@ -70,12 +71,15 @@ def make_scene(seed: int, index: int, style: Style = Style.MIXED) -> Scene:
     """Make scene number `index` of a seed; of mixed ones and of lookalikes every second is a home."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, index]))
     if style is Style.HOMES or (style in (Style.MIXED, Style.LOOKALIKES) and index % 2):
-        return sample_home(rng, width=COLUMNS, people=0 if style is Style.LOOKALIKES else None)
+        nobody = 0 if style is Style.LOOKALIKES else None
+        return sample_home(rng, width=COLUMNS, people=nobody, with_background=True)
     sensor = sample_home_sensor(rng)
     if style is Style.LOOKALIKES:
-        return sample_scene(rng, width=COLUMNS, people=0, studio=False, lookalikes=True, sensor=sensor)
+        return sample_scene(
+            rng, width=COLUMNS, people=0, studio=False, lookalikes=True, sensor=sensor, with_background=True
+        )
     studio = True if style is Style.STUDIOS else None
-    return sample_scene(rng, width=COLUMNS, studio=studio, sensor=sensor)
+    return sample_scene(rng, width=COLUMNS, studio=studio, sensor=sensor, with_background=True)
 
 
 def make_shard(folder: Path, seed: int, style: Style, first: int, count: int) -> int:
@@ -96,6 +100,7 @@ def _stack(scenes: list[Scene]) -> dict[str, NDArray[Any]]:
     n = len(scenes)
     arrays: dict[str, NDArray[Any]] = {
         "depth": np.zeros((n, ROWS, COLUMNS), np.uint16),
+        "background": np.zeros((n, ROWS, COLUMNS), np.uint16),
         "person": np.zeros((n, ROWS, COLUMNS), np.uint8),
         "kind": np.zeros((n, ROWS, COLUMNS), np.uint8),
         "K": np.zeros((n, 4), np.float32),
@@ -112,6 +117,8 @@ def _stack(scenes: list[Scene]) -> dict[str, NDArray[Any]]:
         rows, columns = scene.depth.shape
         people, c = len(scene.joints), scene.camera
         arrays["depth"][i, :rows, :columns] = np.rint(scene.depth * 1000.0)
+        if scene.background is not None:
+            arrays["background"][i, :rows, :columns] = np.rint(scene.background * 1000.0)
         arrays["person"][i, :rows, :columns] = scene.person
         arrays["kind"][i, :rows, :columns] = scene.kind
         arrays["K"][i] = c.fx, c.fy, c.cx, c.cy

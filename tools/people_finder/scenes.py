@@ -33,6 +33,12 @@ CELL = 4
 _FLESH_M = 0.35
 """No part of a person or their clothes is nearer or farther than their joints by more than this, metres."""
 
+_KNOWN, _STAYED = 0.55, 0.35
+"""Share of images with a known background, and share of people there who were part of it. Set by hand."""
+
+_NO_REACH = np.zeros((0, 2))
+"""Reach of nobody, for the room without people."""
+
 _INDEX = {name: n for n, name in enumerate(JOINTS)}
 _TORSO = [_INDEX[n] for n in ("left_shoulder", "right_shoulder", "left_hip", "right_hip")]
 _LEFT = [_INDEX[n] for n in ("left_shoulder", "left_hip")]
@@ -49,6 +55,8 @@ class Scenes:
     ----------
     depth : (N, 240, 320) uint16
         Millimetres; 0 where nothing returned.
+    background : (N, 240, 320) uint16
+        Likewise, of the room without people.
     person : (N, 240, 320) uint8
         0 nobody, else the person's number from 1.
     camera : (N, 4) float64
@@ -62,6 +70,7 @@ class Scenes:
     """
 
     depth: NDArray[np.uint16]
+    background: NDArray[np.uint16]
     person: NDArray[np.uint8]
     camera: NDArray[np.float64]
     size: NDArray[np.int64]
@@ -85,6 +94,7 @@ def load_scenes(shards: list[Path]) -> Scenes:
             parts.append(
                 Scenes(
                     z["depth"],
+                    z["background"],
                     z["person"],
                     z["K"].astype(float),
                     z["valid_size"][:, ::-1].astype(np.int64),
@@ -129,10 +139,13 @@ class Batch:
 
 
 class Sampler:
-    """Batches of scenes: augmented at random with ``rng``, unchanged without."""
+    """Batches of scenes: augmented at random with ``rng``, unchanged and with no background without."""
 
     def __init__(self, scenes: Scenes) -> None:
         self.scenes = scenes
+        self._behind = np.zeros((ROWS, COLS), np.float32)
+        self._nobody = np.zeros(scenes.person.shape[1:], np.uint8)
+        self._whose = np.empty((ROWS, COLS), np.int64)
         self._sums = np.zeros((ROWS + 1, COLS + 1))
         self._counts = np.zeros((ROWS + 1, COLS + 1), np.int64)
         self._cells = np.empty((ROWS // CELL, COLS // CELL), np.int64)
@@ -172,6 +185,9 @@ class Sampler:
         )
         cut = Cut(left, top, stride, rows, cols, mirrored)
         reduce_scene(s.depth[scene], s.person[scene], reach, cut, grid, labels)
+        self._behind[:] = 0.0
+        if rng is not None and rng.random() < _KNOWN:
+            reduce_scene(s.background[scene], self._nobody, _NO_REACH, cut, self._behind, self._whose)
         fx, fy, cx, cy = s.camera[scene]
         cx, cy = (cx + 0.5 - left) / stride - 0.5, (cy + 0.5 - top) / stride - 0.5
         fx, fy = fx / stride, fy / stride
@@ -180,11 +196,13 @@ class Sampler:
             joints = joints[:, MIRROR_JOINTS] * np.array([-1, 1, 1], np.float32)
         if rng is not None:
             if not labels.any() and rng.random() < 0.6:  # a room of another size: clutter close by
-                grid *= np.float32(np.exp(rng.uniform(np.log(0.1), np.log(1.6))))
-            spoil(grid, labels, rows, cols, rng)
+                scale = np.float32(np.exp(rng.uniform(np.log(0.1), np.log(1.6))))
+                grid *= scale
+                self._behind *= scale
+            spoil(grid, labels, self._behind, rows, cols, rng)
         camera = Camera(cols, rows, fx, fy, cx, cy)
         image = NetImage(grid, rows, cols, stride, camera)
-        fill_features(image, self._sums, self._counts, out.features[k])
+        fill_features(image, self._behind, self._sums, self._counts, out.features[k])
         fill_offsets(grid, labels, joints[:, _TORSO].mean(axis=1), camera, out.torso[k])
         choose_cells(grid, rows, cols, CELL, self._cells)
         cell_labels(labels, self._cells, out.cell_labels[k])
@@ -209,12 +227,20 @@ def seen_from_behind(joints: NDArray[np.float32]) -> NDArray[np.float32]:
 def spoil(
     grid: NDArray[np.float32],
     labels: NDArray[np.int64],
+    behind: NDArray[np.float32],
     rows: int,
     cols: int,
     rng: np.random.Generator,
 ) -> None:
-    """Remove the background, add occluders, holes and noise, each with some probability."""
+    """Remove the background, add occluders, holes and noise, each with some probability.
+
+    The still background ``behind`` follows: people may have been part of it, and things that are added may.
+    """
     view = grid[:rows, :cols]
+    known = behind[:rows, :cols]
+    for person in np.unique(labels)[1:]:
+        if rng.random() < _STAYED:
+            behind[labels == person] = grid[labels == person]
     if rng.random() < 0.15:  # a blanket or cloak over somebody
         for person in np.unique(labels)[1:]:
             if rng.random() < 0.6:
@@ -222,16 +248,25 @@ def spoil(
                 drape(grid, labels, person, rng.uniform(0.35, 1.0), hang, smooth, rows, cols)
     if rng.random() < 0.08 and labels.any():  # recordings with nothing but people
         view[labels[:rows, :cols] == 0] = 0
+        known[:] = 0
     elif rng.random() < 0.06:  # a short-sighted sensor
-        view[view > rng.uniform(2.5, 6.0)] = 0
+        farthest = rng.uniform(2.5, 6.0)
+        view[view > farthest] = 0
+        known[known > farthest] = 0
     if rng.random() < 0.15:
+        before = view.copy()
         _occlude(view, labels[:rows, :cols], rng)
+        if rng.random() < 0.7:  # it has always been there
+            known[view != before] = view[view != before]
     if rng.random() < 0.3:
+        always = rng.random() < 0.6
         for _ in range(rng.integers(1, 8)):
             h, w = rng.integers(1, rows // 3), rng.integers(1, cols // 3)
             i, j = rng.integers(0, rows), rng.integers(0, cols)
             patch = view[i : i + h, j : j + w]
             far = np.median(patch) + rng.uniform(-0.5, 1.0)
+            if always:
+                known[i : i + h, j : j + w][patch > far] = 0
             patch[patch > far] = 0
     if rng.random() < 0.25:
         view[rng.random(view.shape, np.float32) < rng.uniform(0, 0.2)] = 0
@@ -239,7 +274,9 @@ def spoil(
         noise = rng.standard_normal(view.shape, np.float32) * np.float32(rng.uniform(0, 0.004))
         view += noise * view * view
     if rng.random() < 0.3:
-        view *= np.float32(rng.uniform(0.96, 1.04))
+        scale = np.float32(rng.uniform(0.96, 1.04))
+        view *= scale
+        known *= scale
     np.maximum(view, 0, out=view)
     view[view < 0.2] = 0
     labels[grid == 0] = 0

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from crops import CropBatch
+from crops import NO_DEPTH, CropBatch
 from joint_net import CELL_M
 from numpy.typing import NDArray
 from replicas import Replica
@@ -27,6 +27,7 @@ class Sightings:
 
     depth: NDArray[np.uint16]
     whose: NDArray[np.uint8]
+    mask: NDArray[np.uint8]
     torso: NDArray[np.float32]
     probability: NDArray[np.float32]
     is_person: NDArray[np.bool_]
@@ -53,14 +54,15 @@ class Sightings:
             grid = self.depth[n] * np.float32(0.001)
             whose = np.where(self.whose[n] == OUTSIDE, -1, self.whose[n].astype(np.int64))
             x, y, z = self.torso[n].tolist()
-            flip = 1.0
+            mask, flip = self.mask[n], 1.0
             if rng is not None:
                 spoil_crop(grid, whose, rng)
                 if rng.random() < 0.5:
-                    flip, grid, whose = -1.0, grid[:, ::-1], whose[:, ::-1]
+                    flip, grid, whose, mask = -1.0, grid[:, ::-1], whose[:, ::-1], mask[:, ::-1]
             look = CropView(x, y, z, CELL_M, flip=flip)
             fill_features(grid, whose, 1, look, out.features[k])
             out.person[k] = float(self.is_person[n])
+            out.mask[k] = np.where(grid > 0, mask, NO_DEPTH)
             if self.is_person[n]:
                 landmarks = np.full((len(LANDMARKS), 3), np.nan)  # rooms do not know the heels
                 landmarks[: len(JOINTS)] = self.joints[n]

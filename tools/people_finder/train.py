@@ -67,24 +67,36 @@ def _train(
 
 
 class Feed:
-    """Batches from a replica's share of a folder's shards, each scene once per epoch."""
+    """Batches from a replica's share of a folder's shards, each scene once per epoch.
+
+    Shards that are written meanwhile are used from the next epoch on.
+    """
 
     def __init__(self, folder: Path, seed: int, replica: Replica) -> None:
         self._rng = np.random.default_rng([seed, replica.rank])
-        self._samplers = [Sampler(load_scenes([p])) for p in replica.share(list_shards(folder))]
+        self._folder, self._replica = folder, replica
+        self._samplers: dict[Path, Sampler] = {}
+        self._load()
         if not self._samplers:
             raise typer.BadParameter(f"{folder} has no shards; make_scenes.py writes them")
-        self._order: list[tuple[int, int]] = []
+        self._order: list[tuple[Path, int]] = []
+
+    def _load(self) -> None:
+        """Read the shards that are new."""
+        for path in self._replica.share(list_shards(self._folder)):
+            if path not in self._samplers:
+                self._samplers[path] = Sampler(load_scenes([path]))
 
     @property
     def count(self) -> int:
         """Number of scenes."""
-        return sum(len(s.scenes) for s in self._samplers)
+        return sum(len(s.scenes) for s in self._samplers.values())
 
     def next(self, size: int) -> tuple[Tensor, tuple[Tensor, ...]]:
         """Return the net's input, and the targets of `finder_loss`."""
         if len(self._order) < size:
-            pairs = [(k, n) for k, s in enumerate(self._samplers) for n in range(len(s.scenes))]
+            self._load()
+            pairs = [(path, n) for path, s in self._samplers.items() for n in range(len(s.scenes))]
             self._order = [pairs[i] for i in self._rng.permutation(len(pairs))]
         chosen, self._order = self._order[:size], self._order[size:]
         parts = [self._samplers[k].batch(np.array([n]), self._rng) for k, n in chosen]

@@ -1,4 +1,4 @@
-"""Convert the finder's weights (ONNX, floats) to a checkpoint that training can continue from.
+"""Convert the finder's weights (ONNX, floats or integers) to a checkpoint that training can continue from.
 
     python tools/people_finder/warm_start.py weights/people_finder.onnx scenes/train start.pt
 
@@ -16,9 +16,10 @@ import numpy as np
 import onnx
 import torch
 import typer
+from joint_net import layer_of
 from net import FinderNet
 from numpy.typing import NDArray
-from onnx_weights import widen
+from onnx_weights import float_weights
 from scenes import Sampler, list_shards, load_scenes
 from torch import Tensor, nn
 
@@ -29,17 +30,16 @@ _SCENES = 48
 def load_folded(net: FinderNet, path: Path) -> None:
     """Copy the convolutions of an exported net; norms only add their shifts."""
     model = onnx.load(path)
-    widen(model)
-    values = {t.name: onnx.numpy_helper.to_array(t) for t in model.graph.initializer}
-    stored = [[values[name] for name in n.input[1:]] for n in model.graph.node if n.op_type == "Conv"]
-    layers = [
-        m for name, m in net.named_modules() if isinstance(m, nn.Conv2d) and not name.startswith("joints")
-    ]
-    norms = norm_after(net)
-    for layer, (weight, bias) in zip(layers, stored, strict=True):
+    values = float_weights(model)
+    layers, norms = dict(net.named_modules()), norm_after(net)
+    for node in model.graph.node:
+        if node.op_type != "Conv":
+            continue
+        layer, (weight, bias) = layers[layer_of(node.name)], (values[name] for name in node.input[1:])
+        shifted = norms.get(layer)
         with torch.no_grad():
-            layer.weight.copy_(torch.from_numpy(weight.copy()))
-            shifted = norms.get(layer)
+            layer.weight.zero_()  # features that the net did not know have no effect
+            layer.weight[:, : weight.shape[1]] = torch.from_numpy(weight.copy())
             (layer if shifted is None else shifted).bias.copy_(torch.from_numpy(bias.copy()))
             if shifted is not None:
                 shifted.running_var.fill_(1.0 - shifted.eps)
@@ -70,7 +70,7 @@ def unfold(net: nn.Module, features: NDArray[np.float32]) -> None:
 
 
 def main(
-    weights: Annotated[Path, typer.Argument(help="The finder's net, floats (.onnx)")],
+    weights: Annotated[Path, typer.Argument(help="The finder's net (.onnx)")],
     scenes: Annotated[Path, typer.Argument(help="Folder of shards from make_scenes.py")],
     out: Annotated[Path, typer.Argument(help="Checkpoint to write (.pt)")],
 ) -> None:

@@ -17,7 +17,7 @@ from depth_pose.core.kernels import njit
 ROWS, COLS = 120, 160
 """Size of the net's image, pixels."""
 
-CHANNELS = 10
+CHANNELS = 12
 """Number of features per pixel; `fill_features` lists them."""
 
 _NARROW_M, _WIDE_M = 0.12, 0.5
@@ -28,6 +28,12 @@ _LOG_STEPS = 256
 
 _LOG_TABLE = np.log((np.arange(16 * _LOG_STEPS) + 0.5) / _LOG_STEPS).astype(np.float32)
 """Logarithms of depths up to 16 m, at the middle of each step."""
+
+_CAME_M = 0.25
+"""Depth (m) by which something is in front of the background, for one unit of that feature."""
+
+_SAME = 0.5
+"""Subtracted from that feature where the background is known, so that 0 means that it is not."""
 
 _RISE_M = 0.04
 """Depth difference per metre of distance below which a pixel's samples are averaged as one surface."""
@@ -116,13 +122,14 @@ def near_second(a, b, c, d, near, far):
 
 
 @njit(cache=True)
-def fill_features(image, sums, counts, out):
+def fill_features(image, background, sums, counts, out):
     """Compute the features of every grid pixel for the net.
 
     0 inverse depth (1/m); 1, 2 depth minus its mean in a window of a limb's and of a body's size, at this
     distance; 3 whether there is a depth; 4 logarithm of the pixel's size here; 5, 6 slopes of the ray; 7, 8
-    slopes of the surface; 9 height below the camera's axis. All are 0 in holes, except 5 and 6. ``sums`` and
-    ``counts`` (ROWS + 1, COLS + 1) are work space.
+    slopes of the surface; 9 height below the camera's axis; 10 inverse depth of a background that is gone;
+    11 depth in front of a known background. All are 0 in holes, except 5, 6 and 10. ``background``
+    (ROWS, COLS) is `StillBackground.depth`; ``sums`` and ``counts`` (ROWS + 1, COLS + 1) are work space.
     """
     grid, rows, cols, camera = image.depth, image.rows, image.cols, image.camera
     out[:] = 0.0
@@ -142,9 +149,13 @@ def fill_features(image, sums, counts, out):
         for j in range(cols):
             out[5, i, j] = slope_y
             out[6, i, j] = np.float32(ray(camera, j, i)[0])
-            z = grid[i, j]
+            z, behind = grid[i, j], background[i, j]
             if z <= np.float32(0.0):
+                if behind > np.float32(0.0):
+                    out[10, i, j] = min(one / behind, np.float32(2.5))
                 continue
+            if behind > np.float32(0.0):
+                out[11, i, j] = bounded((behind - z) / np.float32(_CAME_M), 3.0) - np.float32(_SAME)
             inverse = one / z
             scale = focal * inverse
             out[0, i, j] = min(inverse, np.float32(2.5))

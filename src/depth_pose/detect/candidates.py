@@ -12,6 +12,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
 from depth_pose.detect import _border_kernels as kernels
+from depth_pose.detect.background import StillBackground
 from depth_pose.detect.finder import FinderResult, PeopleFinder, TorsoDetection, load_weights
 from depth_pose.detect.planes import PlaneFinder
 from depth_pose.detect.tuning import DetectTuning
@@ -42,7 +43,7 @@ class Candidates:
 
 
 class CandidateFinder:
-    """Finds person candidates by `depth_pose.detect.finder`; remembers the room's large planes.
+    """Finds person candidates by `depth_pose.detect.finder`; remembers the room's planes and background.
 
     The net's masks are completed along surfaces, which adds hands and feet that it missed.
 
@@ -63,23 +64,30 @@ class CandidateFinder:
     ) -> None:
         self._config, self._tuning = config, tuning
         self.finder = PeopleFinder(config, *load_weights(weights), tuning)
-        self._planes = PlaneFinder()
+        self._planes, self._background = PlaneFinder(), StillBackground()
         self.reset()
+
+    @property
+    def is_still(self) -> bool:
+        """Whether the camera has not moved between the last two searched frames."""
+        return self._background.is_still
 
     def reset(self) -> None:
         """Forget the room."""
         self._planes.reset()
+        self._background.reset()
         self._turns, self._doubts = 0, 0
 
     def find(self, frame: DepthFrame) -> Candidates:
         """Find the person candidates of a frame."""
         found = self._find_turned(frame)
-        return Candidates(found.depth, self._complete(found), found.camera, found.people, found.out_of_range)
+        labels = self._complete(found)
+        return Candidates(found.depth, labels, found.camera, found.people, found.out_of_range)
 
     def _find_turned(self, frame: DepthFrame) -> FinderResult:
         """Find people in the image with the last useful rotation; in doubt, sometimes with another one."""
-        found = self.finder.find(frame, self._turns)
-        doubtful = [p for p in found.people if p.probability < self._config.sure]
+        found = self.finder.find(frame, self._turns, self._background)
+        doubtful = [p for p in found.people if p.probability < self._tuning.sure]
         if found.people and not doubtful:
             self._doubts = 0
             return found
@@ -104,12 +112,12 @@ class CandidateFinder:
         After a quarter turn only people who lie ``across`` the original image count: upright posts lie across
         the rotated one.
         """
-        sure = [p for p in tried.people if p.probability >= self._config.sure]
+        sure = [p for p in tried.people if p.probability >= self._tuning.sure]
 
         def has(person: TorsoDetection, people: list[TorsoDetection]) -> bool:
             return any(np.linalg.norm(person.torso - p.torso) < _SAME_M for p in people)
 
-        kept = all(has(p, sure) for p in found.people if p.probability >= self._config.sure)
+        kept = all(has(p, sure) for p in found.people if p.probability >= self._tuning.sure)
         gained = [p for p in sure if not found.people or has(p, doubtful)]
         return kept and any(not across or lies_across(tried.labels == p.label) for p in gained)
 

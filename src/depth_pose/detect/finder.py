@@ -28,6 +28,7 @@ from depth_pose.detect import _finder_kernels as kernels
 from depth_pose.detect import working_grid
 from depth_pose.detect._finder_kernels import NetImage
 from depth_pose.detect._vote_kernels import claim_pixels
+from depth_pose.detect.background import StillBackground
 from depth_pose.detect.clusters import Clusters, VoteGatherer
 from depth_pose.detect.net import open_net, read_weights
 from depth_pose.detect.outline import carry_people, spread
@@ -123,7 +124,7 @@ class PeopleFinder:
         settings: dict[str, Any] | None = None,
         tuning: DetectTuning = DetectTuning(),
     ) -> None:
-        self.config, self._keep = config or SegmentConfig(), tuning.keep
+        self.config, self._tuning = config or SegmentConfig(), tuning
         if model is None or settings is None:
             model, settings = load_weights()
         self.settings = settings
@@ -132,6 +133,7 @@ class PeopleFinder:
         self._input = self._session.get_inputs()[0].name
         shape = (kernels.ROWS, kernels.COLS)
         self._features = np.zeros((1, kernels.CHANNELS, *shape), np.float32)
+        self._unknown = np.zeros(shape, np.float32)
         self._sums = np.zeros((shape[0] + 1, shape[1] + 1))
         self._counts = np.zeros((shape[0] + 1, shape[1] + 1), np.int64)
         self._torso = np.zeros((4, *shape), np.float32)
@@ -143,7 +145,9 @@ class PeopleFinder:
         depth = np.where(np.hypot(rows - 60, 3.0 * (cols - 80)) < 50, 2.0, 4.0).astype(np.float32)
         self.find(DepthFrame(0, "", depth, Camera(160, 120, 140.0, 140.0, 79.5, 59.5)))
 
-    def find(self, frame: DepthFrame, turns: int = 0) -> FinderResult:
+    def find(
+        self, frame: DepthFrame, turns: int = 0, background: StillBackground | None = None
+    ) -> FinderResult:
         """Detect all people in a frame.
 
         Parameters
@@ -152,6 +156,8 @@ class PeopleFinder:
         turns : int
             Quarter turns, counter-clockwise, of the net's input image: the net detects upright people
             best. The result refers to the unrotated frame.
+        background : StillBackground, optional
+            Of the frames before; the frame is added to it. Not used for a rotated image.
 
         Returns
         -------
@@ -159,7 +165,9 @@ class PeopleFinder:
             Empty if no person is in view.
         """
         image = reduce_frame(frame, self.config.near)
-        mask, torso, found = self._vote(image, Turned(frame, turns, self.config.near) if turns else None)
+        turned = Turned(frame, turns, self.config.near) if turns else None
+        behind = self._unknown if background is None else background.look(image, frame.stamp_ns)
+        mask, torso, found = self._vote(image, behind, turned)
         depth, camera = working_grid.reduce_frame(frame, self.config)
         probability = (
             np.ones(len(found.torsos)) if self.verifier is None else self.verifier.probability(found.measures)
@@ -167,12 +175,12 @@ class PeopleFinder:
         probability[_is_fringe(found.measures)] = 0.0
         distance = found.torsos[:, 2]
         near_enough = (distance >= self.config.near) & (distance <= self.config.far)
-        likely = (probability >= self._keep) & near_enough
-        beyond = int(((probability >= self.config.start) & ~near_enough).sum())
+        likely = (probability >= self._tuning.keep) & near_enough
+        beyond = int(((probability >= self._tuning.likely) & ~near_enough).sum())
         chosen = np.flatnonzero(likely)[np.argsort(distance[likely], kind="stable")]
         number = np.zeros(len(distance) + 1, np.uint8)
         number[chosen + 1] = np.arange(1, len(chosen) + 1)
-        join_parts(found, number, probability < self._keep)
+        join_parts(found, number, probability < self._tuning.keep)
         net_chance = logistic(mask)
         labels = carry_people(image, number[found.labels], net_chance, depth, camera)
         pixels = np.bincount(labels.ravel(), minlength=len(chosen) + 1)
@@ -184,7 +192,7 @@ class PeopleFinder:
         claims = claim_pixels(image, mask, torso, _CLAIM_LOGIT, found.torsos[chosen], _CLAIM_M)
         sure = np.zeros(len(chosen) + 1, np.uint8)
         for person in people:
-            sure[person.label] = person.label if person.probability >= self.config.start else 0
+            sure[person.label] = person.label if person.probability >= self._tuning.likely else 0
         return FinderResult(
             depth,
             labels,
@@ -195,8 +203,16 @@ class PeopleFinder:
             beyond,
         )
 
-    def cluster(self, image: NetImage) -> tuple[NDArray[np.float32], Clusters]:
+    def cluster(
+        self, image: NetImage, background: NDArray[np.float32] | None = None
+    ) -> tuple[NDArray[np.float32], Clusters]:
         """Run the net, and cluster its votes.
+
+        Parameters
+        ----------
+        image : NetImage
+        background : (ROWS, COLS) float32, optional
+            `StillBackground.depth`; unknown by default.
 
         Returns
         -------
@@ -204,15 +220,15 @@ class PeopleFinder:
             Logit of the probability that a pixel shows a person.
         clusters : Clusters
         """
-        mask, _, clusters = self._vote(image)
+        mask, _, clusters = self._vote(image, self._unknown if background is None else background)
         return mask, clusters
 
     def _vote(
-        self, image: NetImage, turned: Turned | None = None
+        self, image: NetImage, background: NDArray[np.float32], turned: Turned | None = None
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], Clusters]:
         """Run the net, on another image where one is given, and cluster its votes."""
-        shown = image if turned is None else turned.image
-        kernels.fill_features(shown, self._sums, self._counts, self._features[0])
+        shown, behind = (image, background) if turned is None else (turned.image, self._unknown)
+        kernels.fill_features(shown, behind, self._sums, self._counts, self._features[0])
         packed_mask, packed_torso = self._session.run(None, {self._input: self._features})
         mask, torso = np.empty((1, kernels.ROWS, kernels.COLS), np.float32), self._torso
         kernels.unpack(packed_mask[0], mask)

@@ -27,10 +27,6 @@ from depth_pose.detect.sample_frame import sample_frame
 from depth_pose.detect.segmentation import Detection, Segmentation
 from depth_pose.detect.tuning import DetectTuning
 
-_CHANGE_M, _MOST_CHANGED, _NEWS = 0.15, 0.4, 0.3
-"""Depth change (m) of a pixel that shows something new; share of changed pixels above which the camera moved;
-share of new pixels above which a person counts as new content. Set by hand; not swept."""
-
 _ALONE_M = 1.2
 """Distance (m) to others beyond which the joint net's mask corrects a person's pixels; set by hand."""
 
@@ -68,7 +64,7 @@ class LearnedSegmenter:
         self.joint_net: JointNet = VotingNet(weights, config.mirror)
         self._masks = MaskPropagation(config, tuning)
         self._schedule = JointNetSchedule(tuning.look_every)
-        self._persistence = DetectionPersistence(config.sure)
+        self._persistence = DetectionPersistence(tuning.sure)
         self.reset()
 
     def reset(self) -> None:
@@ -77,7 +73,6 @@ class LearnedSegmenter:
         self._masks.reset()
         self._schedule.reset()
         self._persistence.reset()
-        self._before = np.zeros((0, 0), np.float32)
 
     def warm_up(self) -> None:
         """Compile every kernel, and load the net."""
@@ -94,12 +89,8 @@ class LearnedSegmenter:
         if found is None:
             found, is_returned = self._masks.give_back(self.candidates.find(frame), frame.stamp_ns)
         labels = self.candidates.mark_hidden(found, frame.filled)
-        news = self._news(found.depth)
         seen = self._schedule.renew(found.people, frame.stamp_ns, lambda p: self._look_at(p, found, labels))
-        detections = [
-            _detection(person, measured, labels, news)
-            for person, measured in zip(found.people, seen, strict=True)
-        ]
+        detections = [_detection(p, measured) for p, measured in zip(found.people, seen, strict=True)]
         detections = self._persistence.renew(detections, labels, found.depth, frame.stamp_ns)
         sure = tuple(s for s in detections if s.probability >= self._tuning.keep)
         for thing, measured in zip(detections, seen, strict=True):
@@ -124,17 +115,8 @@ class LearnedSegmenter:
             camera=found.camera,
             detections=sure,
             out_of_range=found.out_of_range,
+            is_still=self.candidates.is_still,
         )
-
-    def _news(self, depth: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """Find the pixels that are nearer than in the previous frame; none if the view changed."""
-        before, self._before = self._before, depth
-        if before.shape != depth.shape:
-            return np.zeros(depth.shape, np.bool_)
-        known = (before > 0) & (depth > 0)
-        changed = known & (np.abs(before - depth) > _CHANGE_M)
-        is_another_view = changed.sum() > _MOST_CHANGED * known.sum()
-        return changed & (depth < before) & ~is_another_view
 
     def _look_at(
         self, person: TorsoDetection, found: Candidates, labels: NDArray[np.uint8]
@@ -156,15 +138,6 @@ def _is_alone(person: Detection, people: Sequence[Detection]) -> bool:
     return all(p is person or np.linalg.norm(p.place - person.place) > _ALONE_M for p in people)
 
 
-def _detection(
-    person: TorsoDetection, measured: JointMeasurement, labels: NDArray[np.uint8], news: NDArray[np.bool_]
-) -> Detection:
+def _detection(person: TorsoDetection, measured: JointMeasurement) -> Detection:
     """Return the detection of a person with measured joints."""
-    own = labels == person.label
-    return Detection(
-        label=person.label,
-        place=person.torso,
-        probability=measured.probability,
-        measured=measured,
-        is_new_content=bool(np.count_nonzero(news & own) > _NEWS * np.count_nonzero(own)),
-    )
+    return Detection(person.label, person.torso, measured.probability, measured)

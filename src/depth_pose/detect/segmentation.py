@@ -27,15 +27,12 @@ class Detection:
         Probability of a person.
     measured : JointMeasurement or None
         None without a net that measures joints.
-    is_new_content : bool
-        Whether much of the person is new since the previous frame, while the room is not.
     """
 
     label: int
     place: NDArray[np.float64]
     probability: float
     measured: JointMeasurement | None = None
-    is_new_content: bool = False
 
 
 @dataclass(frozen=True)
@@ -53,6 +50,8 @@ class Segmentation:
     detections : tuple of Detection
     out_of_range : int
         Number of people who are too near or too far.
+    is_still : bool
+        Whether the camera stands still, as far as is known.
     """
 
     depth: NDArray[np.float32]
@@ -60,6 +59,7 @@ class Segmentation:
     camera: Camera
     detections: tuple[Detection, ...]
     out_of_range: int = 0
+    is_still: bool = True
 
 
 class Segmenter(Protocol):

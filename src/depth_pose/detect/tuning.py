@@ -9,7 +9,11 @@ class DetectTuning(NamedTuple):
     """Constants shared by the steps of the detection."""
 
     keep: float = 0.2
-    """Minimum probability of a person who is tracked already."""
+    """Minimum probability of a detection."""
+    likely: float = 0.6
+    """Probability from which a detection claims pixels around it."""
+    sure: float = 0.9
+    """Probability from which a detection is carried over, and no rotated image is tried."""
     find_every: int = 2
     """Interval between two searches of the image for people (frames), while all people are sure."""
     look_every: int = 2

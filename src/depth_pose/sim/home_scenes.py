@@ -19,7 +19,7 @@ from depth_pose.sim.materials import sample_wardrobe
 from depth_pose.sim.people import HOLDS_M, Figure, sample_figure
 from depth_pose.sim.rooms import make_room
 from depth_pose.sim.scene_view import View
-from depth_pose.sim.scenes import EVERY, Scene, mount, render, sample_camera
+from depth_pose.sim.scenes import EVERY, Scene, add_background, mount, render, sample_camera
 from depth_pose.sim.shapes import triangulate
 
 HOME_MOUNTINGS = {
@@ -60,6 +60,7 @@ def sample_home(
     people: int | None = None,
     mounting: str | None = None,
     sensor: str | None = None,
+    with_background: bool = False,
 ) -> Scene:
     """Make a random home.
 
@@ -76,7 +77,9 @@ def sample_home(
     if rng.random() < _LOOKALIKES:
         add_lookalikes(room, rng, view, min(room.walls.back, 5.0))
     furnish_home(room, rng, points, view, min(room.walls.back, 8.0))
-    return render(view, triangulate(room.shapes, rng), persons, seen_by, rng)
+    surfaces = triangulate(room.shapes, rng)
+    scene = render(view, surfaces, persons, seen_by, rng)
+    return add_background(scene, view, surfaces, seen_by, rng) if with_background else scene
 
 
 def sample_occupant(rng: np.random.Generator) -> Figure:

@@ -11,7 +11,7 @@ a plain wall or before nothing.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +77,8 @@ class Scene:
         Share of a person's pixels of `person` that have depth; 0 for who is not shown.
     fabrics : tuple of tuple of str
         Materials of each person's hair, top, trousers and shoes; empty where unknown.
+    background : (H, W) float32 or None
+        The same room without people and pets, as the sensor measures it, metres; None if not asked for.
     """
 
     depth: NDArray[np.float32]
@@ -92,6 +94,7 @@ class Scene:
     sensor: str
     returned: NDArray[np.float32]
     fabrics: tuple[tuple[str, ...], ...] = ()
+    background: NDArray[np.float32] | None = None
 
 
 def sample_scene(
@@ -103,6 +106,7 @@ def sample_scene(
     lookalikes: bool = False,
     mounting: str | None = None,
     sensor: str | SceneSensor | None = None,
+    with_background: bool = False,
 ) -> Scene:
     """Make a random scene.
 
@@ -124,6 +128,8 @@ def sample_scene(
     sensor : str or SceneSensor, optional
         The sensor, or its family, one of `FAMILIES`; drawn where not given. The same state gives the same
         people and room with each.
+    with_background : bool
+        Whether the empty room is measured, too.
     """
     if people is None:
         shares = _NOBODY_SHARE, *((1 - _NOBODY_SHARE) * np.array(_PEOPLE_SHARES))
@@ -140,7 +146,17 @@ def sample_scene(
         furnish(room, rng, points, view, min(room.walls.back, 9.0))
     surfaces = triangulate(room.shapes, rng)
     seen_by = sensor if isinstance(sensor, SceneSensor) else sample_sensor(rng, sensor)
-    return render(view, surfaces, persons, seen_by, rng)
+    scene = render(view, surfaces, persons, seen_by, rng)
+    return add_background(scene, view, surfaces, seen_by, rng) if with_background else scene
+
+
+def add_background(
+    scene: Scene, view: View, room: Triangles, sensor: SceneSensor, rng: np.random.Generator
+) -> Scene:
+    """Measure the same room without people and pets, and return the scene with it."""
+    stays = room.kind != Kind.PET
+    still = replace(room, faces=room.faces[stays], kind=room.kind[stays], albedo=room.albedo[stays])
+    return replace(scene, background=render(view, still, (), sensor, rng.spawn(1)[0]).depth)
 
 
 def sample_view(rng: np.random.Generator, width: int, mounting: str | None = None) -> View:
