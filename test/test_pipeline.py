@@ -159,7 +159,6 @@ def test_settings_reach_their_steps(bank, clip):
     few = Tuning(match=MatchTuning(keep=2))
     (match,) = PosePipeline(bank, near, few).process_frame(clip[0][0]).matches
     assert match.scale == 0.8
-    assert len(match.candidates) <= 2
 
 
 # --- two people, found by hand

@@ -53,6 +53,7 @@ class Perception:
     ----------
     segmenter : Segmenter
         Detects people, and keeps its state from frame to frame.
+    tracks : PeopleTracks
     choice : PeopleChoice
     floor_finder : FloorFinder
         Searches every second, and holds the floor.
@@ -73,7 +74,7 @@ class Perception:
         self._with_joints = with_joints
         self.segmenter: Segmenter = _METHODS[segment.method](segment, tuning=detect_tuning)
         self._denoise = denoise, denoise_tuning
-        self._tracks = PeopleTracks(segment.start, segment.sure, detect_tuning.keep)
+        self.tracks = PeopleTracks()
         self.choice = PeopleChoice(
             parse_zone(segment.zone), segment.most_people, rotation_sensor_upright(mount.roll)
         )
@@ -85,7 +86,7 @@ class Perception:
     def reset(self) -> None:
         """Forget all tracks."""
         self.segmenter.reset()
-        self._tracks.reset()
+        self.tracks.reset()
         self.choice.reset()
         self.floor_finder.reset()
         self._searched_ns = None
@@ -93,7 +94,7 @@ class Perception:
     def restart(self) -> None:
         """Forget all tracks and ids, as if new."""
         self.reset()
-        self._tracks.restart()
+        self.tracks.restart()
         self.rejected_counts.clear()
 
     def warm_up(self) -> None:
@@ -122,7 +123,7 @@ class Perception:
 
     def _name(self, seen: Segmentation, labels: NDArray[np.uint8], stamp_ns: int) -> list[TrackedPerson]:
         """Return the chosen people with their ids; count the others."""
-        names = self._tracks.assign(seen.detections, stamp_ns)
+        names = self.tracks.assign(seen.detections, stamp_ns, seen.is_still)
         points_of = np.bincount(labels.ravel(), minlength=HIDDEN + 1)
         shown = [
             name if points_of[s.label] >= MIN_POINTS else None
@@ -135,7 +136,7 @@ class Perception:
         self.rejected_counts.update(self.choice.left_out)
         return [
             TrackedPerson(
-                s.label, name, self._tracks.probability(name), s.measured if self._with_joints else None
+                s.label, name, self.tracks.probability(name), s.measured if self._with_joints else None
             )
             for s, name in zip(seen.detections, chosen, strict=True)
             if name is not None

@@ -59,6 +59,8 @@ class PosePipeline:
     ----------
     unanswered : int
         Frames with a person in view but no skeleton, since the start.
+    states : PersonStates
+        What is known of each person.
 
     Examples
     --------
@@ -76,7 +78,7 @@ class PosePipeline:
         self._orientation = UpsideDownWatch(config.segment)
         self._nobody = NobodyWatch(config.segment)
         shared = Shared(bank, config, tuning)
-        self._states = shared.states
+        self.states = shared.states
         self.perception = Perception(
             config.segment,
             config.denoise,
@@ -110,18 +112,18 @@ class PosePipeline:
     @_one_thread
     def answer(self, people: FramePeople) -> FrameResult:
         """Estimate the poses of segmented people; the state of each goes through all stages and back."""
-        self._states.begin(people)
+        self.states.begin(people)
         self.recoverer.begin()
         matches, refined, skeletons = [], [], []
         for person in people.persons:
-            state = self._states[person.body_id]
+            state = self.states[person.body_id]
             # Sec. 5: canonical axes, PCA subspace, nearest exemplars (eq. 6)
             state, match = self.matcher.estimate(state, person)
             # Sec. 6: fit the body to the person's points; with method cpd complete the mesh (eqs. 7, 8)
             state, fitted = self.refiner.estimate(state, person, match)
             # Sec. 6: failure check, temporal registration, low-pass filter
             state, skeleton = self.recoverer.estimate(state, person, fitted)
-            self._states[person.body_id] = state
+            self.states[person.body_id] = state
             matches.append(match)
             refined.append(fitted)
             if skeleton is not None:  # back into the frame of a sensor that is mounted rolled
@@ -154,11 +156,11 @@ class PosePipeline:
     @contextmanager
     def keeping_builds(self) -> Iterator[None]:
         """Keep the builds of people who have left the view, as for a second pass."""
-        self._states.keeps_builds = True
+        self.states.keeps_builds = True
         try:
             yield
         finally:
-            self._states.keeps_builds = False
+            self.states.keeps_builds = False
 
     def warm_up(self) -> None:
         """Compile (or load from the cache) every kernel, so that the first frame is not late."""

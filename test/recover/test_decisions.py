@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from depth_pose.body.pose import Fitted
 from depth_pose.recover.failure import KINDS, Failure, Verdict, judge
-from depth_pose.recover.published import is_published, renew_standing
-from depth_pose.track.state import Answer
+from depth_pose.recover.published import is_published, renew_disagreement
+from depth_pose.track.state import Answer, Evidence
 
 FIT = Fitted.lost(0, "body_1")
 """Stands for any earlier fit."""
@@ -21,33 +20,32 @@ FIRST, LOST, KNOWN, FAILED_ONCE = (
 
 
 @pytest.mark.parametrize(
-    ("kind", "answer", "is_over", "is_hopeless", "verdict"),
+    ("kind", "answer", "is_over", "verdict"),
     [
-        (None, FIRST, False, False, Verdict.TRUSTED),
-        (None, KNOWN, True, True, Verdict.TRUSTED),
-        # the first frame: given, but not trusted, unless nothing is like a body
-        ("joint_angle", FIRST, False, False, Verdict.DOUBTFUL),
-        ("low_confidence", FIRST, False, True, Verdict.REFUSED),
-        ("no_pose", FIRST, False, False, Verdict.REFUSED),
+        (None, FIRST, False, Verdict.TRUSTED),
+        (None, KNOWN, True, Verdict.TRUSTED),
+        # the first frame: given, but not trusted
+        ("joint_angle", FIRST, False, Verdict.DOUBTFUL),
+        ("low_confidence", FIRST, False, Verdict.DOUBTFUL),
+        ("no_pose", FIRST, False, Verdict.REFUSED),
         # after a loss: a plausible pose is where following begins again
-        ("low_confidence", LOST, False, False, Verdict.TRUSTED),
-        ("joint_angle", LOST, False, False, Verdict.REFUSED),
-        ("no_pose", LOST, False, False, Verdict.REFUSED),
+        ("low_confidence", LOST, False, Verdict.TRUSTED),
+        ("joint_angle", LOST, False, Verdict.REFUSED),
+        ("no_pose", LOST, False, Verdict.REFUSED),
         # with a frame before: compared with the body registered from there
-        ("jump", KNOWN, False, False, Verdict.COMPARED),
-        ("no_pose", KNOWN, False, True, Verdict.COMPARED),
-        ("joint_angle", FAILED_ONCE, False, False, Verdict.COMPARED),
-        ("joint_angle", FAILED_ONCE, False, True, Verdict.REFUSED),
+        ("jump", KNOWN, False, Verdict.COMPARED),
+        ("no_pose", KNOWN, False, Verdict.COMPARED),
+        ("joint_angle", FAILED_ONCE, False, Verdict.COMPARED),
         # the last good fit is too old
-        ("jump", KNOWN, True, False, Verdict.TRUSTED),
-        ("worse_fit", KNOWN, True, False, Verdict.TRUSTED),
-        ("bone_length", KNOWN, True, False, Verdict.REFUSED),
-        ("no_pose", KNOWN, True, False, Verdict.REFUSED),
+        ("jump", KNOWN, True, Verdict.TRUSTED),
+        ("worse_fit", KNOWN, True, Verdict.TRUSTED),
+        ("bone_length", KNOWN, True, Verdict.REFUSED),
+        ("no_pose", KNOWN, True, Verdict.REFUSED),
     ],
 )
-def test_what_becomes_of_a_fit(kind, answer, is_over, is_hopeless, verdict) -> None:
+def test_what_becomes_of_a_fit(kind, answer, is_over, verdict) -> None:
     failure = None if kind is None else Failure(kind, "")
-    assert judge(failure, answer, is_over=is_over, is_hopeless=is_hopeless) is verdict
+    assert judge(failure, answer, is_over=is_over) is verdict
 
 
 def test_implausible_poses_need_to_agree_much_better() -> None:
@@ -57,23 +55,24 @@ def test_implausible_poses_need_to_agree_much_better() -> None:
 
 
 @pytest.mark.parametrize(
-    ("probability", "standing", "is_refused", "published"),
+    ("probability", "was_published", "is_refused", "published"),
     [
-        (0.6, 0.3, False, True),
-        (0.6, 0.05, False, False),
-        (0.6, 0.3, True, False),
-        (0.9, 0.05, False, True),
-        (0.9, 0.05, True, True),
-        (0.75, 0.0, True, True),
+        (0.9, False, False, True),
+        (0.5, False, False, True),
+        (0.4, False, False, False),
+        (0.4, True, False, True),
+        (0.3, True, False, False),
+        (0.7, True, True, False),
+        (0.8, False, True, True),
     ],
 )
-def test_who_is_published(probability, standing, is_refused, published) -> None:
-    assert is_published(probability, standing, is_refused=is_refused) == published
+def test_who_is_published(probability, was_published, is_refused, published) -> None:
+    assert is_published(probability, was_published, is_refused, least=0.5) == published
 
 
-def test_standing_follows_probability_and_confidence() -> None:
-    standing = 0.3
+def test_disagreement_is_a_running_mean() -> None:
+    evidence = Evidence(disagreement=renew_disagreement(Evidence(), 0.8))
+    assert evidence.disagreement == 0.8
     for _ in range(40):
-        standing = renew_standing(standing, 0.8, 0.5)
-    assert standing == pytest.approx(0.4, abs=1e-3)
-    assert np.isclose(renew_standing(0.3, 0.0, 1.0), 0.225)
+        evidence = Evidence(disagreement=renew_disagreement(evidence, 0.2))
+    assert evidence.disagreement == pytest.approx(0.2, abs=1e-3)

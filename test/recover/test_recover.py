@@ -146,7 +146,7 @@ def replay_misfit(stage: Recoverer, run, probability: float) -> list[Skeleton | 
 
 def test_a_thing_that_no_body_fits_is_vetoed(run) -> None:
     stage = recoverer()
-    answers = replay_misfit(stage, run, 0.6)
+    answers = replay_misfit(stage, run, 0.35)
     assert answers[-1] is None
     assert sum(a is not None for a in answers) < 8
     assert stage.doubtful >= 4
@@ -158,7 +158,6 @@ def test_a_sure_person_is_answered_where_no_body_fits(run) -> None:
     answers = replay_misfit(stage, run, 0.95)
     assert None not in answers
     assert answers[-1].confidence < 0.8 * run[-1].skeleton.confidence
-    assert stage.doubtful >= 4
     (person,) = run[-1].people.persons
     fitted = run[-1].refined[0]
     sure = report_joints(fitted.joints, fitted.pose.scale, person, 0.68).confidence
@@ -205,7 +204,7 @@ def test_recovered_bones_keep_their_lengths(run) -> None:
 def test_gives_up_after_some_time_and_finds_the_person_again(run) -> None:
     """Frames come every 40 ms: two are bridged, then the person is lost until a good detection."""
     stage = recoverer(max_time=0.1)
-    doubted = [replace(r, people=told(r.people, 0.7)) for r in run]
+    doubted = [replace(r, people=told(r.people, 0.55)) for r in run]
     sources = [s.source if s else None for s in replay(stage, doubted, scattered)]
     expected = [Source.REFINED] * 4 + [Source.RECOVERED] * 2 + [None] * 2 + [Source.REFINED] * 4
     assert sources == expected

@@ -34,7 +34,9 @@ def see(states: PersonStates, people, stamp_ns: int, *seen: str) -> list[PersonS
 
 def marked(mark: float) -> PersonState:
     """A state that can be told from others."""
-    return PersonState(answer=Answer(lead=mark), shape=Shape(scale=mark), evidence=Evidence(standing=mark))
+    return PersonState(
+        answer=Answer(lead=mark), shape=Shape(scale=mark), evidence=Evidence(disagreement=mark)
+    )
 
 
 def test_everybody_has_their_own_state(people):

@@ -10,10 +10,18 @@ import pytest
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINT_NODES, rest_nodes
 from depth_pose.detect.segmentation import Detection
+from depth_pose.track.person_odds import PersonOdds
 from depth_pose.track.state import RETURN_NS
-from depth_pose.track.tracks import PeopleTracks
+from depth_pose.track.tracks import PeopleTracks, TrackLimits
 
 STEP_NS = 40_000_000
+
+ODDS = PersonOdds(np.array([-3.0, 1.5, 0.8, 7.0, 0.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
+"""At a logit of 2, or with .4 m of way at half of that, a track is as likely a person as not."""
+
+
+def new_tracks(keep: float = 0.3) -> PeopleTracks:
+    return PeopleTracks(TrackLimits(start=0.6, keep=keep, confirm=0.5), ODDS)
 
 
 def at(x: float, z: float = 3.0, y: float = 0.0, probability: float = 1.0) -> Detection:
@@ -45,7 +53,7 @@ def person(
 
 @pytest.fixture
 def tracks() -> PeopleTracks:
-    return PeopleTracks(start=0.6, sure=0.6, keep=0.3)
+    return new_tracks()
 
 
 def test_two_who_pass_each_other_keep_their_names(tracks) -> None:
@@ -61,18 +69,25 @@ def test_two_who_pass_each_other_keep_their_names(tracks) -> None:
 
 
 def test_who_is_not_sure_is_believed_once_they_move() -> None:
-    """A coat stays where it is; somebody takes a step; somebody else was not there before."""
-    tracks = PeopleTracks(start=0.6, sure=0.85, keep=0.2)
+    """A coat stays where it is; somebody takes a step; somebody else is sure at once."""
+    tracks = new_tracks(keep=0.2)
     for k in range(30):
         coat, walker = at(-1.5 + 0.02 * (-1) ** k, probability=0.8), at(0.02 * k, probability=0.7)
         expected = (None, None if k < 13 else "body_1")
         assert tracks.assign([coat, walker], k * STEP_NS) == expected
-    new = replace(at(1.8, probability=0.7), is_new_content=True)
-    assert tracks.assign([at(-1.5, probability=0.9), at(0.6), new], 30 * STEP_NS) == (
-        "body_2",
-        "body_1",
-        "body_3",
-    )
+    shown = [at(-1.5, probability=0.8), at(0.6), at(1.8, probability=0.97)]
+    assert tracks.assign(shown, 30 * STEP_NS) == (None, "body_1", "body_2")
+
+
+def test_way_does_not_count_while_the_camera_moves() -> None:
+    """A coat passes a robot that drives, and then a camera that stands still."""
+    tracks = new_tracks(keep=0.2)
+    for k in range(30):
+        coat = at(0.03 * k, probability=0.7)
+        assert tracks.assign([coat], k * STEP_NS, is_still=False) == (None,)
+    names = [tracks.assign([at(0.03 * k, probability=0.7)], k * STEP_NS)[0] for k in range(30, 60)]
+    assert names[0] is None
+    assert names[-1] == "body_1"
 
 
 def test_one_hides_the_other_while_they_pass(tracks) -> None:
@@ -172,7 +187,7 @@ def test_the_sum_of_distances_decides_not_the_nearest_pair(tracks) -> None:
 
 @pytest.mark.parametrize(
     ("first", "then", "names"),
-    [(0.59, 0.59, (None, None)), (0.6, 0.3, ("body_1", "body_1")), (0.6, 0.29, ("body_1", None))],
+    [(0.59, 0.59, (None, None)), (0.9, 0.3, ("body_1", "body_1")), (0.9, 0.29, ("body_1", None))],
 )
 def test_how_likely_a_person_must_be_to_start_and_to_go_on(tracks, first, then, names) -> None:
     one = tracks.assign([at(0.0, probability=first)], 0)
@@ -208,7 +223,7 @@ def test_the_same_again_gives_the_same() -> None:
     """Twelve who mill about, with some who are missed: names repeat in a second run."""
 
     def run() -> list[tuple[str | None, ...]]:
-        rng, tracks = np.random.default_rng(3), PeopleTracks(0.6, 0.6, 0.3)
+        rng, tracks = np.random.default_rng(3), new_tracks()
         places = rng.uniform(-3, 3, (12, 2)) + [0.0, 5.0]
         out = []
         for k in range(100):
@@ -221,7 +236,7 @@ def test_the_same_again_gives_the_same() -> None:
 
 
 def test_no_two_in_a_frame_share_a_name() -> None:
-    rng, tracks = np.random.default_rng(4), PeopleTracks(0.6, 0.6, 0.3)
+    rng, tracks = np.random.default_rng(4), new_tracks()
     for k in range(200):
         shown = [at(*rng.uniform(-1, 1, 2) + [0.0, 3.0]) for _ in range(rng.integers(0, 6))]
         names = [n for n in tracks.assign(shown, k * STEP_NS) if n is not None]
@@ -336,7 +351,7 @@ def test_a_part_of_somebody_does_not_bring_back_who_is_hidden(tracks) -> None:
 
 def test_who_comes_back_little_by_little_is_themselves() -> None:
     """First seen with doubt, as something new that is followed, and then for sure."""
-    tracks = PeopleTracks(start=0.6, sure=0.9, keep=0.2)
+    tracks = new_tracks(keep=0.2)
     for k in range(20):
         assert tracks.assign([person(1.7, 0.0)], k * STEP_NS) == ("body_1",)
     for k in range(20, 80):
@@ -349,7 +364,7 @@ def test_who_comes_back_little_by_little_is_themselves() -> None:
 
 def test_a_coat_does_not_become_who_went_out_beside_it() -> None:
     """The coat was there before they were gone."""
-    tracks = PeopleTracks(start=0.6, sure=0.9, keep=0.2)
+    tracks = new_tracks(keep=0.2)
     coat = person(1.6, 0.4, 3.4, 3, probability=0.8)
     for k in range(40):
         shown = [coat, person(1.7, -1.0 + 0.04 * k, 3.0, 1)]

@@ -43,10 +43,6 @@ class SegmentConfig(Checked):
         "learned: all people, by a small net; planes: one person, separated from large planes",
         choices=("learned", "planes"),
     )
-    start: float = option(0.6, "Minimum probability at which a person is tracked", low=0.0, high=1.0)
-    sure: float = option(
-        0.9, "Below this probability a person is tracked only after moving", low=0.0, high=1.0
-    )
     near: float = option(0.4, "Ignore anything nearer than this", unit="m", low=0.0, high=20.0)
     far: float = option(8.0, "Ignore anything farther than this", unit="m", low=0.1, high=50.0)
     mirror: bool = option(
@@ -123,6 +119,12 @@ class PersonalConfig(Checked):
 class RecoverConfig(Checked):
     """Failure detection and temporal registration (Sec. 6, last part)."""
 
+    min_probability: float = option(
+        0.5,
+        "Minimum probability, from all that is seen of somebody, that they are a person",
+        low=0.0,
+        high=1.0,
+    )
     min_confidence: float = option(
         0.25, "Skeletons less certain than this count as failures", low=0.0, high=1.0
     )

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 _MOVED: dict[str, str] = {
+    "segment.start": "give recover.min_probability",
+    "segment.sure": "give recover.min_probability",
     "match.scale": "give build.scale",
     "match.budget": "give the matcher's ROS parameter time_budget",
     "match.score_band": "the same constant is used everywhere",

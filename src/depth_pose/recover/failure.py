@@ -98,7 +98,7 @@ class Verdict(Enum):
     COMPARED = auto()
 
 
-def judge(failure: Failure | None, answer: Answer, *, is_over: bool, is_hopeless: bool) -> Verdict:
+def judge(failure: Failure | None, answer: Answer, *, is_over: bool) -> Verdict:
     """Decide how a fit is used.
 
     Parameters
@@ -108,13 +108,11 @@ def judge(failure: Failure | None, answer: Answer, *, is_over: bool, is_hopeless
         Of the frames before.
     is_over : bool
         Whether the last good fit is too old to be registered.
-    is_hopeless : bool
-        Whether the score shows that there is no body at all.
     """
     if failure is None:
         return Verdict.TRUSTED
     is_lost = failure.kind == "no_pose"
-    if answer.good is None and (is_lost or is_hopeless):
+    if answer.good is None and is_lost:
         return Verdict.REFUSED
     if answer.last is None and not answer.is_waiting and not is_lost:
         return Verdict.DOUBTFUL

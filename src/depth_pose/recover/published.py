@@ -1,45 +1,41 @@
-"""Decide whether a person is published: the only place where a detected person may be rejected."""
+"""Whether a person is published: the one place where a found person may be withheld."""
 
 from __future__ import annotations
 
-from depth_pose.recover.confidence import fit_confidence
+from depth_pose.track.state import Evidence
+
+_FRAME_SHARE = 0.25
+"""Share of each frame in the mean disagreement of the fits."""
+
 
 _SURE = 0.75
-"""Person probability, over all frames, from which a person is published even if no body fits."""
+"""Person probability from which somebody is published even if the fit is refused."""
 
-_VETO, _VETO_SHARE = 0.1, 0.25
-"""Standing below which a person is not published unless sure, and the share of each frame in its average;
-set by hand."""
-
-_HOPELESS = 0.5
-"""Share of `min_confidence` below which a first fit is refused, as probably furniture."""
+_STAYS = 0.7
+"""Share of the least probability above which somebody who was published stays so."""
 
 
-def is_published(probability: float, standing: float, *, is_refused: bool) -> bool:
+def is_published(probability: float, was_published: bool, is_refused: bool, least: float) -> bool:
     """Decide whether a person is published.
 
     Parameters
     ----------
     probability : float
-        That this is a person, over all frames, 0 to 1.
-    standing : float
-        Running mean of the probability times the fit's confidence (`renew_standing`).
+        That this is a person, from detections, motion and fits (`depth_pose.track.person_odds`), 0 to 1.
+    was_published : bool
+        In the frame before.
     is_refused : bool
         Whether the frame's fit is refused, with nothing to replace it.
+    least : float
+        `RecoverConfig.min_probability`.
     """
-    return probability >= _SURE or not is_doubtful(standing, is_refused=is_refused)
+    if is_refused:
+        return probability >= _SURE
+    return probability >= (_STAYS * least if was_published else least)
 
 
-def is_doubtful(standing: float, *, is_refused: bool) -> bool:
-    """Decide whether no body fits the detection."""
-    return is_refused or standing < _VETO
-
-
-def is_hopeless(score: float, min_confidence: float) -> bool:
-    """Decide whether a rendered-depth score, 0 to 1, shows that no body is there at all."""
-    return fit_confidence(score) < _HOPELESS * min_confidence
-
-
-def renew_standing(standing: float, probability: float, confidence: float) -> float:
-    """Update a person's standing with a frame's probability and the confidence of its fit."""
-    return standing + _VETO_SHARE * (probability * confidence - standing)
+def renew_disagreement(evidence: Evidence, disagreement: float) -> float:
+    """Update the mean disagreement of a person's fits with the depth image."""
+    if evidence.disagreement is None:
+        return disagreement
+    return evidence.disagreement + _FRAME_SHARE * (disagreement - evidence.disagreement)

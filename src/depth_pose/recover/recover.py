@@ -28,11 +28,10 @@ from depth_pose.core.config import RecoverConfig, SmoothConfig
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import Source
 from depth_pose.core.types import Skeleton
-from depth_pose.recover.confidence import fit_confidence
 from depth_pose.recover.failure import KINDS, Failure, FailureCheck, Verdict, judge, limit_excess
 from depth_pose.recover.other_view import renew_sides
-from depth_pose.recover.published import is_doubtful, is_hopeless, is_published, renew_standing
-from depth_pose.recover.report import TRUST, to_skeleton
+from depth_pose.recover.published import is_published, renew_disagreement
+from depth_pose.recover.report import to_skeleton
 from depth_pose.recover.smooth import low_pass
 from depth_pose.recover.tuning import RecoverTuning
 from depth_pose.refine.body_fitter import BodyFitter
@@ -40,6 +39,7 @@ from depth_pose.refine.hypotheses import Hypothesis, ScoredFit
 from depth_pose.refine.objective import Objective
 from depth_pose.refine.skeleton_pose import about_face
 from depth_pose.refine.solver import Problem, solve
+from depth_pose.track.person_odds import PersonOdds
 from depth_pose.track.person_view import FramePeople, PersonView
 from depth_pose.track.sample_people import sample_people
 from depth_pose.track.state import Answer, Evidence, PersonState, PersonStates, Sides
@@ -113,6 +113,7 @@ class Recoverer:
         self._states = states or PersonStates()
         self._clouds = clouds
         self._check = FailureCheck(bank.body, recover.min_confidence, tuning)
+        self._odds = PersonOdds.load()
         self.failures: Counter[str] = Counter(dict.fromkeys(KINDS, 0))
         self.recoveries = 0
         self.doubtful = 0
@@ -175,10 +176,12 @@ class Recoverer:
         answer, is_refused = accepted or fitted, accepted is None
         if answer.is_lost:
             return state.lost(), None
-        confidence = TRUST[answer.source] * fit_confidence(answer.score)
-        standing = renew_standing(state.evidence.standing, person.found.probability, confidence)
-        self.doubtful += is_doubtful(standing, is_refused=is_refused)
-        is_shown = is_published(person.found.probability, standing, is_refused=is_refused)
+        disagreement = renew_disagreement(state.evidence, answer.score)
+        probability = self._odds.after_fit(person.found.probability, disagreement)
+        is_shown = is_published(
+            probability, state.evidence.is_published, is_refused, self.config.min_probability
+        )
+        self.doubtful += is_refused or not is_shown
         if is_refused and not is_shown:
             return state.lost(), None
         skeleton = to_skeleton(person, answer)
@@ -187,7 +190,9 @@ class Recoverer:
             state.evidence.sides, skeleton.positions, person.measured, person.stamp_ns
         )
         known = state.answer._replace(last=answer, seen=person)
-        state = state._replace(answer=known, filter=filtered, evidence=Evidence(standing, sides))
+        state = state._replace(
+            answer=known, filter=filtered, evidence=Evidence(disagreement, is_shown, sides)
+        )
         if not is_shown:
             return state, None
         other = self._other_view(person, answer, 1.0 - p_sides) if p_sides < _SIDES_SURE else None
@@ -203,7 +208,6 @@ class Recoverer:
             failure,
             known,
             is_over=_is_over(known, person.stamp_ns, self.config.max_time),
-            is_hopeless=is_hopeless(fitted.score, self.config.min_confidence),
         )
         if failure is not None:
             self.last_reasons[person.body_id] = failure.reason

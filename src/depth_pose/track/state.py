@@ -25,9 +25,6 @@ MEMORY_NS = 2_000_000_000
 RETURN_NS = 5_000_000_000
 """Time (ns) within which a hidden person keeps id and build."""
 
-FIRST_STANDING = 0.3
-"""`Evidence.standing` of a new person; set by hand."""
-
 Array = NDArray[np.float64]
 
 
@@ -178,9 +175,19 @@ class Sides(NamedTuple):
 
 
 class Evidence(NamedTuple):
-    """Evidence for person and pose: ``standing`` is a running mean of probability times confidence."""
+    """What speaks for person and pose.
 
-    standing: float = FIRST_STANDING
+    Attributes
+    ----------
+    disagreement : float or None
+        Running mean of the fits' disagreement with the depth image, 0 to 1; None before the first.
+    is_published : bool
+        Whether the person was published in the last frame.
+    sides : Sides
+    """
+
+    disagreement: float | None = None
+    is_published: bool = False
     sides: Sides = Sides()
 
 

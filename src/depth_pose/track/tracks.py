@@ -2,7 +2,8 @@
 
 Tracks and detections are paired so that the sum of their gains (`depth_pose.track.likeness`) is largest. The
 gains depend on place given the motion, body size, pose, and the time for which the person was hidden. Hidden
-people are remembered for `RETURN_NS` and keep their id if place and build agree when they return.
+people are remembered for `RETURN_NS` and keep their id if place and build agree when they return. A track
+gets an id once it is likely enough to be a person (`depth_pose.track.person_odds`).
 """
 
 from __future__ import annotations
@@ -10,15 +11,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
+from depth_pose.core.odds import logit
 from depth_pose.detect.segmentation import Detection
 from depth_pose.track import likeness
 from depth_pose.track.likeness import Size, Traits
+from depth_pose.track.person_odds import PersonOdds, TrackEvidence
 from depth_pose.track.state import MEMORY_NS, RETURN_NS
 
 _MOST_SPEED_M_S = 3.0
@@ -27,12 +31,21 @@ _MOST_SPEED_M_S = 3.0
 _VELOCITY_SHARE, _VELOCITY_S = 0.3, 0.04
 """Weight of a new velocity in a frame, and the length of that frame (s); set by hand."""
 
-_DOUBT = 0.5
-"""Number of doubtful detections that a track starts with, so that a single one at .9 stays below .6; set
-by hand."""
 
-_MOVED_M = 0.25
-"""A track that has moved this far (m) is a person, not an object: the place of a coat is known to 5 cm."""
+class TrackLimits(NamedTuple):
+    """Person probabilities that decide about tracks.
+
+    Attributes
+    ----------
+    start, keep : float
+        Of detections that start a track, and that continue one.
+    confirm : float
+        Of a track, from which it has an id.
+    """
+
+    start: float = 0.2
+    keep: float = 0.1
+    confirm: float = 0.3
 
 
 @dataclass(eq=False)
@@ -45,22 +58,12 @@ class _Track:
     velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
     number: int = 0
     detections: int = 0
-    evidence: float = 0.0
+    evidence: TrackEvidence = field(default_factory=TrackEvidence)
     size: Size | None = field(init=False)
     began_ns: int = field(init=False)
 
     def __post_init__(self) -> None:
         self.size, self.began_ns = self.traits.size, self.seen_ns
-
-    @property
-    def probability(self) -> float:
-        """Probability that this is a person, from all detections."""
-        return self.evidence / (self.detections + _DOUBT)
-
-    @property
-    def has_moved(self) -> bool:
-        """Whether the track is far from its first place."""
-        return bool(np.hypot(*(self.traits.place - self.first)[[0, 2]]) >= _MOVED_M)
 
     def is_kept(self, stamp_ns: int) -> bool:
         """Check that the track is still remembered; unconfirmed tracks are forgotten sooner."""
@@ -79,15 +82,23 @@ class _Track:
         """Continue the track of a hidden person."""
         self.number = back.number
         self.detections += back.detections
-        self.evidence += back.evidence
+        self.evidence = self.evidence.joined(back.evidence)
         if back.size is not None:
             self.size = back.size if self.size is None else back.size.merged(self.size, math.inf)
 
-    def see(self, seen: Traits, probability: float, stamp_ns: int) -> None:
-        """Update the track with a detection."""
+    def see(self, seen: Traits, detection: Detection, stamp_ns: int, is_still: bool) -> None:
+        """Update the track with a detection, and whether the camera stands still."""
         self.detections += 1
-        self.evidence += probability
         seconds = (stamp_ns - self.seen_ns) * 1e-9
+        if not is_still:
+            self.first = seen.place
+        self.evidence = self.evidence.seen(
+            logit(detection.probability),
+            seconds,
+            float(np.linalg.norm(seen.place - self.first)),
+            float(np.linalg.norm(seen.place)),
+            None if detection.measured is None else float(detection.measured.sigma[:, 0].mean()),
+        )
         if seen.size is not None and self.detections > 1:
             self.size = seen.size if self.size is None else self.size.merged(seen.size, seconds)
         if seconds > 0.0:
@@ -104,13 +115,14 @@ class PeopleTracks:
 
     Parameters
     ----------
-    start, sure, keep : float
-        Person probabilities from which a track starts; from which it is confirmed at once, while others
-        must move first; and from which it stays confirmed.
+    limits : TrackLimits
+    odds : PersonOdds, optional
+        The packaged ones if not given.
     """
 
-    def __init__(self, start: float, sure: float, keep: float) -> None:
-        self._start, self._sure, self._keep = start, sure, keep
+    def __init__(self, limits: TrackLimits = TrackLimits(), odds: PersonOdds | None = None) -> None:  # noqa: B008
+        self._limits = limits
+        self._odds = odds or PersonOdds.load()
         self._count = 0
         self.reset()
 
@@ -124,13 +136,17 @@ class PeopleTracks:
         self.reset()
         self._count = 0
 
-    def assign(self, detections: Sequence[Detection], stamp_ns: int) -> tuple[str | None, ...]:
+    def assign(
+        self, detections: Sequence[Detection], stamp_ns: int, is_still: bool = True
+    ) -> tuple[str | None, ...]:
         """Assign ids to the detections of a frame; stamps increase between calls until `reset`.
 
         Parameters
         ----------
         detections : sequence of Detection
         stamp_ns : int
+        is_still : bool
+            Whether the camera stands still, so that places are those in the room.
 
         Returns
         -------
@@ -143,23 +159,28 @@ class PeopleTracks:
         parts = likeness.fragments(traits)
         track_of = self._pair(detections, traits, parts, stamp_ns)
         for k, detection in enumerate(detections):
-            if k not in track_of and k not in parts and detection.probability >= self._start:
+            if k not in track_of and k not in parts and detection.probability >= self._limits.start:
                 track_of[k] = _Track(traits[k], stamp_ns, detection.place)
                 self._tracks.append(track_of[k])
         for k, track in track_of.items():
-            track.see(traits[k], detections[k].probability, stamp_ns)
+            track.see(traits[k], detections[k], stamp_ns, is_still)
         for k, track in track_of.items():
             self._believe(track, detections[k], stamp_ns)
         return tuple(_name(track_of[k]) if k in track_of else None for k in range(len(detections)))
 
+    @property
+    def evidence(self) -> dict[str, TrackEvidence]:
+        """Evidence of all tracks that have an id."""
+        return {name: t.evidence for t in self._tracks if (name := _name(t)) is not None}
+
     def probability(self, body_id: str) -> float:
         """Return the person probability of a track, from all detections; 0 without a track."""
-        return next((t.probability for t in self._tracks if _name(t) == body_id), 0.0)
+        tracks = (t for t in self._tracks if _name(t) == body_id)
+        return next((self._odds.before_fit(t.evidence) for t in tracks), 0.0)
 
     def _believe(self, track: _Track, detection: Detection, stamp_ns: int) -> None:
         """Assign a number to a confirmed track: that of a hidden person, or a new one."""
-        surely = self._start if detection.is_new_content or track.has_moved else self._sure
-        if track.number > 0 or detection.probability < surely:
+        if track.number > 0 or self._odds.before_fit(track.evidence) < self._limits.confirm:
             return
         hidden = [t for t in self._tracks if t.number > 0 and t.seen_ns < track.began_ns]
         gains = [self._gain(t, detection, track.traits, stamp_ns) for t in hidden]
@@ -186,7 +207,7 @@ class PeopleTracks:
             (i, k): gain
             for i, track in enumerate(self._tracks)
             for k, detection in enumerate(detections)
-            if detection.probability >= self._keep
+            if detection.probability >= self._limits.keep
             and (k not in parts or track.seen_ns == self._before_ns)
             and (gain := self._gain(track, detection, traits[k], stamp_ns)) > 0.0
         }

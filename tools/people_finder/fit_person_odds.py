@@ -1,0 +1,164 @@
+"""Fit the odds of a person to tracks in simulated homes, and write ``person_odds.json`` beside the nets.
+
+    python tools/people_finder/fit_person_odds.py src/depth_pose/detect/weights --clips 160
+
+The pipeline runs with its nets over short clips, a third of them from cameras that move, and keeps every
+track, likely or not. A track is a person where its body lies at one who is visible by 30 %; those of people
+who show less are left out. A third of the clips have nobody but pets, coats and boxes.
+Prints the calibration on the last quarter of the clips, by family of sensors.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+from rich.progress import track
+
+from depth_pose.bank.bank import Bank, default_bank_path
+from depth_pose.core.odds import logistic
+from depth_pose.core.skeleton import JOINT_INDEX
+from depth_pose.core.types import DepthFrame
+from depth_pose.detect.tuning import DetectTuning
+from depth_pose.pipeline import PosePipeline
+from depth_pose.sim.clips import RoomClip, sample_clip
+from depth_pose.sim.home_sensors import HOME_FAMILIES
+from depth_pose.track.person_odds import PersonOdds
+from depth_pose.track.tracks import PeopleTracks, TrackLimits
+from depth_pose.tuning import Tuning
+
+_TORSO = [JOINT_INDEX[f"{side}_{n}"] for side in ("left", "right") for n in ("shoulder", "hip")]
+_EVERYTHING = TrackLimits(start=0.05, keep=0.05, confirm=0.0)
+_NEAR_M = 0.4
+"""Largest distance of a track's torso from that of its person (m), as in the scorers."""
+_ASKED, _IGNORED = 0.3, 0.05
+"""Visible share from which somebody is asked for, and below which nobody is."""
+_SIGNS, _SIGNS_FITTED = (0, 1, 1, 1, 1, 0, -1), (0, 1, -1)
+"""Signs that weights must have: detections, way and time speak for a person, deviations and disagreement
+against one."""
+_STEPS, _RIDGE = 40, 1.0
+"""Newton steps, and ridge on all weights but the constant."""
+
+
+class Rows(NamedTuple):
+    """Tracks in frames: terms (N, 7), disagreement (N,), whether a person (N,), and clip (N,)."""
+
+    terms: NDArray[np.float64]
+    disagreement: NDArray[np.float64]
+    is_person: NDArray[np.bool_]
+    clip: NDArray[np.int64]
+
+
+def collect(pipeline: PosePipeline, clip: RoomClip) -> list[tuple[NDArray[np.float64], float, bool]]:
+    """Run one clip; return terms, disagreement and truth of each track in each frame."""
+    pipeline.reset()
+    rows = []
+    for t, stamp in enumerate(clip.stamps_ns):
+        people = pipeline.process_frame(DepthFrame(int(stamp), "", clip.depth[t], clip.camera)).people
+        torsos, visible = clip.joints[t][:, _TORSO].mean(axis=1), clip.visible[t]
+        evidence = pipeline.perception.tracks.evidence
+        for person in people.persons:
+            measured = person.measured
+            assert measured is not None, "the joint net measures everybody"
+            away = np.linalg.norm(torsos - measured.places[_TORSO].mean(axis=0), axis=1)
+            near = visible[away < _NEAR_M].max(initial=0.0)
+            disagreement = pipeline.states[person.body_id].evidence.disagreement
+            if _IGNORED < near < _ASKED or disagreement is None:
+                continue
+            rows.append((evidence[person.body_id].terms(), disagreement, bool(near >= _ASKED)))
+    return rows
+
+
+def fit(x: NDArray[np.float64], is_person: NDArray[np.bool_], signs: tuple[int, ...]) -> NDArray[np.float64]:
+    """Fit a logistic regression, without the terms whose weights would have the wrong sign.
+
+    Parameters
+    ----------
+    x : (N, K) float64
+        Terms; the first column is the constant.
+    is_person : (N,) bool
+    signs : tuple of int
+        What a weight must be: 1 positive, -1 negative, 0 either.
+    """
+    used = np.ones(x.shape[1], bool)
+    weights = np.zeros(x.shape[1])
+    while True:
+        weights[:] = 0.0
+        weights[used] = _fit_freely(x[:, used], is_person)
+        wrong = used & (weights * np.array(signs) < 0.0)
+        if not wrong.any():
+            return weights
+        used &= ~wrong
+
+
+def _fit_freely(x: NDArray[np.float64], is_person: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Fit a logistic regression with a ridge by Newton's method."""
+    weights = np.zeros(x.shape[1])
+    ridge = np.append(0.0, np.full(x.shape[1] - 1, _RIDGE))
+    for _ in range(_STEPS):
+        p = logistic(x @ weights)
+        curvature = (x * (p * (1.0 - p))[:, None]).T @ x + np.diag(ridge + 1e-6)
+        weights -= np.linalg.solve(curvature, x.T @ (p - is_person) + ridge * weights)
+    return weights
+
+
+def report(odds: PersonOdds, rows: Rows, families: NDArray[np.str_]) -> None:
+    """Print how often what is called a person is one."""
+    before = rows.terms @ odds.track
+    p = logistic(np.column_stack([np.ones(len(before)), before, rows.disagreement]) @ odds.fitted)
+    for family in (*HOME_FAMILIES, "all"):
+        at = (families[rows.clip] == family) | (family == "all")
+        if not at.any():
+            continue
+        edges = np.quantile(p[at], np.linspace(0, 1, 6)[1:-1])
+        bins = np.digitize(p[at], edges)
+        gaps = [abs(p[at][bins == b].mean() - rows.is_person[at][bins == b].mean()) for b in np.unique(bins)]
+        print(
+            f"{family:10s} {at.sum():6d} tracks, people {rows.is_person[at].mean():.3f}, said "
+            f"{p[at].mean():.3f}, mean gap by fifths {np.mean(gaps):.3f}; people found at .5 "
+            f"{(p[at] >= 0.5)[rows.is_person[at]].mean():.3f}, "
+            f"things {(p[at] >= 0.5)[~rows.is_person[at]].mean():.3f}"
+        )
+
+
+def main(
+    out: Annotated[Path, typer.Argument(help="Folder for person_odds.json")],
+    clips: Annotated[int, typer.Option(help="Clips")] = 160,
+    frames: Annotated[int, typer.Option(help="Frames of each")] = 14,
+    seed: Annotated[int, typer.Option(help="Start of all random numbers")] = 41,
+    first: Annotated[int, typer.Option(help="Number of the first clip")] = 0,
+) -> None:
+    """Fit the odds and write them."""
+    pipeline = PosePipeline(Bank.load(default_bank_path()), tuning=Tuning(detect=DetectTuning(keep=0.05)))
+    pipeline.perception.tracks = PeopleTracks(_EVERYTHING)
+    parts, families = [], []
+    for k in track(range(first, first + clips), "clips"):
+        rng = np.random.default_rng([seed, k])
+        family = HOME_FAMILIES[k % len(HOME_FAMILIES)]
+        people = (0, 1, 2, 0, 3, 1)[k % 6]
+        clip = sample_clip(
+            rng, frames=frames, fps=10.0, people=people, sensor=family, home=True, moves=k % 3 == 2
+        )
+        families.append(family)
+        parts += [(*row, k - first) for row in collect(pipeline, clip)]
+    rows = Rows(*(np.array(column) for column in zip(*parts, strict=True)))
+    fitted_on = rows.clip < 0.75 * clips
+    taught = Rows(*(column[fitted_on] for column in rows))
+    weights = fit(taught.terms, taught.is_person, _SIGNS)
+    after = np.column_stack([np.ones(len(taught.terms)), taught.terms @ weights, taught.disagreement])
+    odds = PersonOdds(weights, fit(after, taught.is_person, _SIGNS_FITTED))
+    for name, at in (("fitted on", fitted_on), ("others", ~fitted_on)):
+        print(name)
+        report(odds, Rows(*(column[at] for column in rows)), np.array(families))
+    np.savez(out / "person_rows.npz", **rows._asdict(), families=np.array(families))
+    values = {"track": odds.track.round(4).tolist(), "fitted": odds.fitted.round(4).tolist()}
+    (out / "person_odds.json").write_text(json.dumps(values) + "\n")
+    print(values)
+
+
+if __name__ == "__main__":
+    typer.run(main)
