@@ -132,7 +132,7 @@ def test_parts_given_one_by_one_are_one_recording(archive):
 def test_nothing_there(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         find_sources([tmp_path / "none.mcap"])
-    with pytest.raises(InputError, match=r"no recording \(\.mcap, \.db3, \.bag\) in"):
+    with pytest.raises(InputError, match=r"no recording \(\.mcap, \.db3, \.bag.*\) in"):
         find_sources([tmp_path])
 
 

@@ -130,8 +130,8 @@ def rigs() -> list[bytes]:
 def settings() -> list[bytes]:
     """By step, by short names, and as ROS has them."""
     return [
-        b"segment: {near: 1.0, zone: '1:4', most_people: 3}\nmatch:\n  keep: 2\nsmooth: {enabled: false}\n",
-        b"/**:\n  ros__parameters:\n    zone: '1:4'\n    match.keep: 5\n    segment: {far: 4.0}\n",
+        b"segment: {near: 1.0, zone: '1:4'}\nmatch:\n  method: joints\nsmooth: {enabled: false}\n",
+        b"/**:\n  ros__parameters:\n    zone: '1:4'\n    recover.max_time: 1.0\n    segment: {far: 4.0}\n",
         b"mount: &a {}\nsegment: {<<: *a, near: 1.0}\nsmooth: *a\n",
     ]
 

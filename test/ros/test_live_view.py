@@ -81,7 +81,7 @@ def play_once(recording, tmp_path):
     out = tmp_path / "out.mcap"
     with Recorder(out, [PEOPLE]) as recorder:
         assert recorder.wait_subscribed(timeout_s=LIMIT_S)
-        play(recording, rate=0.5, wait_for_subscribers=[IMAGE, IMAGE, INFO, INFO], wait_s=LIMIT_S)
+        play(recording, rate=0.25, wait_for_subscribers=[IMAGE, IMAGE, INFO, INFO], wait_s=LIMIT_S)
         assert recorder.wait_for(PEOPLE, FRAMES, LIMIT_S), f"{recorder.counts[PEOPLE]} answers"
     return {m.stamp_ns: m.skeletons for m in read_people(out, PEOPLE)}
 

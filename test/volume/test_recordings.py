@@ -68,7 +68,7 @@ def spoil(path, change):
         (lambda v: v["cameras"][0].update(size=[3]), r"cameras\[0\].size has 1 numbers"),
         (lambda v: v["cameras"][0].update(size=[0, 5]), "must be positive"),
         (lambda v: v["cameras"][0].update(colour="red"), "unknown fields: colour"),
-        (lambda v: v["cameras"][2].update(T_camera_world=[[2.0] * 4] * 4), "rotation"),
+        (lambda v: v["cameras"][2].update(T_camera_world=[[2.0] * 4] * 4), "last row"),
         (lambda v: v["cameras"][1].update(name="camera0"), "same name"),
         (lambda v: v["cameras"].__setitem__(0, 7), "must be a mapping"),
     ],

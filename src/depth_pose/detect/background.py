@@ -15,6 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.camera import Camera
 from depth_pose.detect import _background_kernels as kernels
 from depth_pose.detect._background_kernels import BackgroundLimits
 from depth_pose.detect._finder_kernels import COLS, ROWS, NetImage
@@ -46,6 +47,14 @@ class StillBackground:
         self.depth = np.zeros((ROWS, COLS), np.float32)
         self._next = np.zeros((ROWS, COLS), np.float32)
         self._since_ns = np.zeros((ROWS, COLS), np.int64)
+        self.reset()
+
+    def warm_up(self) -> None:
+        """Compile every kernel; forgets the view."""
+        grid = np.full((ROWS, COLS), np.float32(2.0))
+        image = NetImage(grid, ROWS, COLS, 1.0, Camera(COLS, ROWS, 140.0, 140.0, 79.5, 59.5))
+        for stamp_ns in (0, 1):
+            self.look(image, stamp_ns)
         self.reset()
 
     def reset(self) -> None:

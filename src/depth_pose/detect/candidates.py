@@ -72,6 +72,10 @@ class CandidateFinder:
         """Whether the camera has not moved between the last two searched frames."""
         return self._background.is_still
 
+    def warm_up(self) -> None:
+        """Compile the kernels that a single image does not need."""
+        self._background.warm_up()
+
     def reset(self) -> None:
         """Forget the room."""
         self._planes.reset()

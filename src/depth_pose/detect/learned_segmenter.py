@@ -77,6 +77,7 @@ class LearnedSegmenter:
     def warm_up(self) -> None:
         """Compile every kernel, and load the net."""
         working_grid.warm_up(self.config)
+        self.candidates.warm_up()
         frame = sample_frame()
         for k in range(2):  # the first frame is searched, the second carried over
             self.segment(replace(frame, stamp_ns=k * _STEP_NS))

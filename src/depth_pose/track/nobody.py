@@ -89,12 +89,17 @@ class NobodyWatch:
             self._causes[cause] += 1
 
     @property
-    def doubt(self) -> str:
-        """Why nobody is found, and what to do; empty where there is no cause to see."""
+    def cause(self) -> str:
+        """Name of the most likely cause; empty where there is none to see."""
         if self._frames < _FEWEST or not self._causes:
             return ""
         (cause, count), *_ = self._causes.most_common(1)
-        return f"nobody is found: {self._words(cause)}" if 2 * count > self._looks else ""
+        return cause if 2 * count > self._looks else ""
+
+    @property
+    def doubt(self) -> str:
+        """Why nobody is found, and what to do; empty where there is no cause to see."""
+        return f"nobody is found: {self._words(self.cause)}" if self.cause else ""
 
     def _cause_in_image(self, frame: DepthFrame) -> str:
         """Return the name of what is wrong with the depths; empty if nothing is."""

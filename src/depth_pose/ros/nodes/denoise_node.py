@@ -195,7 +195,8 @@ class DenoiseNode(StageNode):
         """Return warnings about the images as a whole, by kind."""
         unit = self._units.doubt if self._units.is_decided else ""
         mounting = self._room.doubt or self._mounting.doubt
-        nobody = "" if unit else self._nobody.doubt
+        # the unit has a line of its own, with the parameter that sets it
+        nobody = "" if unit or self._nobody.cause == "unit" else self._nobody.doubt
         kinds = {"unit": unit, "mount": mounting, "input": self._repair.doubt, "order": self._order_doubt}
         kinds |= {"axes": self._axes_doubt, "nobody": nobody}
         return {kind: line for kind, line in kinds.items() if line}
