@@ -73,7 +73,11 @@ def show(viewer, recording, tmp_path):
         wait_for(lambda: viewer.frame is not None, "something to show")
         frame = viewer.frame
         found = answers.get(frame.stamp_ns, ())
-        if viewer.drawn > 5 and len(found) == 1 and [s.body_id for s in frame.skeletons or ()] == [found[0].body_id]:
+        if (
+            viewer.drawn > 5
+            and len(found) == 1
+            and [s.body_id for s in frame.skeletons or ()] == [found[0].body_id]
+        ):
             return frame, found[0]
     raise AssertionError("the viewer does not show what the nodes answer")
 
