@@ -65,8 +65,8 @@ def joints_shown(viewer):
 def show(viewer, recording, tmp_path):
     """Play the recording, slowly, to the nodes and the viewer; gives what is shown, and its skeleton.
 
-    Again where the viewer, which leaves out what it has no time for, was left with nothing to show, or shows a
-    frame whose answer the recorder did not hear.
+    Again where the viewer, which leaves out what it has no time for, was left with nothing to show, or
+    shows a frame whose answer the recorder did not hear.
     """
     for _ in range(10):
         answers = play_once(recording, tmp_path)
@@ -83,7 +83,7 @@ def show(viewer, recording, tmp_path):
 
 
 def play_once(recording, tmp_path):
-    """Everybody in each frame that was answered: all of them but those lost before the nodes knew each other."""
+    """Everybody in each frame that was answered: all but those before the nodes knew each other."""
     out = tmp_path / "out.mcap"
     with Recorder(out, [PEOPLE]) as recorder:
         assert recorder.wait_subscribed(timeout_s=LIMIT_S)
