@@ -199,6 +199,27 @@ def test_clocks_that_differ(offset_s, told):
     assert np.percentile(errors(room, answers[-60:]), 90) < 0.06
 
 
+@pytest.mark.parametrize(
+    ("bad", "way", "turn_deg", "off"), [(0, 0.24, 0, "0.24"), (1, 1.2, 0, "1.2"), (2, 0.0, 90, "1.")]
+)
+def test_a_camera_that_stands_elsewhere_than_the_rig_says_is_named(bad, way, turn_deg, off):
+    """Within seconds, once, and as long as it lasts; a better rig ends it."""
+    room = Room([Eye(seed=20 + c) for c in range(3)], circle)
+    T = pose(0.0, 0.0, np.radians(turn_deg)) @ np.linalg.inv(pose(way, 0.0, 0.0))
+    room.merger.T_room_camera[bad] = T @ room.poses[bad]
+    room.run(8.0)
+    (line,) = room.news
+    assert line.startswith(f"cam_{bad} does not fit cam_") and line.endswith("calibrate again")
+    assert f"off by about {off}" in line and ("turned by 90 degrees" in line) == (turn_deg == 90)
+    room.run(2.0)
+    misfits = [of.misfit for of in room.merger.watch.cameras]
+    assert misfits[bad].startswith(f"cam_{bad} does not fit") and sum(map(bool, misfits)) == 1
+    room.merger.T_room_camera[bad] = room.poses[bad]
+    room.run(5.0)
+    assert not any(of.misfit for of in room.merger.watch.cameras)
+    assert len(room.news) == 1
+
+
 def test_nobody_and_one_camera():
     merger = RoomMerger(["a", "b"], [pose(0, 0, 0.0), pose(1, 0, 0.0)])
     merger.add(0, S, [])

@@ -156,7 +156,9 @@ def test_nodes_end_when_the_supervisor_is_killed(domain):
 def test_up_ends_cleanly(start, bank_path, number):
     """On Ctrl-C, and when its terminal is closed; until then `ps` shows each node by its name."""
     code = (
-        f"import sys; from depth_pose.ros.process.supervisor import up; sys.exit(up(bank={str(bank_path)!r}))"
+        f"import signal, sys; signal.signal({int(number)}, signal.SIG_DFL)\n"  # nohup has SIGHUP ignored
+        "from depth_pose.ros.process.supervisor import up\n"
+        f"sys.exit(up(bank={str(bank_path)!r}))"
     )
     process = start("-c", code)
     process.wait_for("all nodes are ready", 300.0)

@@ -36,6 +36,13 @@ _KEPT, _ENOUGH = 450, 40
 _MOST_PATHS = 40
 """Maximum number of kept paths, the newest."""
 
+_COMPARED, _THINNED = 3, 100
+"""Number of a camera's paths that are compared after a rigid motion, the longest, and of sightings of each, so
+that a check takes at most 40 ms; set by hand."""
+
+_ROUND_S = 2.0
+"""Maximum time (s) in which all pairs of cameras are judged live; set by hand."""
+
 _SAME_M = 0.1
 """Root mean square distance (m) of two paths of one person after a rigid motion; set by hand."""
 
@@ -43,7 +50,7 @@ _WALKED_M, _TURNED_M = 0.8, 0.25
 """Minimum extent (m) of a path along its longest direction and across it: straight ways all look the same.
 Set by hand."""
 
-_STEP_NS = 200_000_000
+_STEP_NS = 300_000_000
 """Maximum distance (ns) of sightings between which a place is interpolated; set by hand."""
 
 _SHIFTS_S = np.linspace(-1.0, 1.0, 21)
@@ -86,7 +93,9 @@ class FitCheck:
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names = tuple(names)
-        self._paths: dict[tuple[int, str], deque[tuple[int, Array]]] = {}
+        self._pairs = list(combinations(range(len(self._names)), 2))
+        self._next = 0
+        self.reset()
 
     def __len__(self) -> int:
         """Return the number of kept paths."""
@@ -94,7 +103,13 @@ class FitCheck:
 
     def reset(self) -> None:
         """Forget all sightings."""
-        self._paths = {}
+        self._paths: dict[tuple[int, str], deque[tuple[int, Array]]] = {}
+        self._found: dict[tuple[int, int], Misfit | None] = {}
+
+    def forget(self, camera: int) -> None:
+        """Forget the sightings of a camera, whose place or clock is another now."""
+        self._paths = {key: path for key, path in self._paths.items() if key[0] != camera}
+        self._found = {pair: found for pair, found in self._found.items() if camera not in pair}
 
     def add(self, camera: int, stamp_ns: int, skeletons: Iterable[Skeleton]) -> None:
         """Add the people of a frame, in the room's frame and clock."""
@@ -106,22 +121,33 @@ class FitCheck:
         while len(self._paths) > _MOST_PATHS:
             del self._paths[next(iter(self._paths))]
 
-    def misfits(self) -> list[Misfit]:
-        """Return the pairs of cameras that do not fit, the worst first."""
-        found = [
-            m for a, b in combinations(range(len(self._names)), 2) if (m := self._judge(a, b)) is not None
-        ]
-        return sorted(found, key=lambda m: -m.off_m)
+    def judge_all(self) -> dict[int, str]:
+        """Judge all cameras; return a line for each that does not fit the others."""
+        self._found = {pair: self._judge(*pair) for pair in self._pairs}
+        return self._lines()
 
-    def lines(self) -> list[str]:
-        """Return a line for each camera that does not fit the others."""
-        misfits = self.misfits()
+    def judge_next(self) -> dict[int, str] | None:
+        """Judge the next pair of cameras, as there is time for live; return the lines after the last pair."""
+        if not self._pairs:
+            return None
+        pair = self._pairs[self._next]
+        self._found[pair] = self._judge(*pair)
+        self._next = (self._next + 1) % len(self._pairs)
+        return None if self._next else self._lines()
+
+    @property
+    def period_s(self) -> float:
+        """Time between two calls of `judge_next`."""
+        return min(1.0, _ROUND_S / max(1, len(self._pairs)))
+
+    def _lines(self) -> dict[int, str]:
+        misfits = sorted((m for m in self._found.values() if m is not None), key=lambda m: -m.off_m)
         blamed = Counter(c for m in misfits for c in (m.camera, m.other))
-        lines = []
+        lines = {}
         while misfits:
             bad = max({c for m in misfits for c in (m.camera, m.other)}, key=lambda c: (blamed[c], c))
             worst = next(m for m in misfits if bad in (m.camera, m.other))
-            lines.append(self._line(worst, bad))
+            lines[bad] = self._line(worst, bad)
             misfits = [m for m in misfits if bad not in (m.camera, m.other)]
         return lines
 
@@ -139,17 +165,18 @@ class FitCheck:
     def _judge(self, a: int, b: int) -> Misfit | None:
         """Compare two cameras by the pair of paths that agree best after a rigid motion."""
         firsts, seconds = (
-            [
-                _arrays(path)
-                for (camera, _), path in self._paths.items()
-                if camera == c and len(path) >= _ENOUGH
-            ]
+            [_arrays(p) for (camera, _), p in self._paths.items() if camera == c and len(p) >= _ENOUGH]
             for c in (a, b)
         )
-        pairs = [(first, second) for first in firsts for second in seconds]
-        if any(_do_fit(*pair) for pair in pairs):
+        if any(_do_fit(first, second) for first in firsts for second in seconds):
             return None
-        found = [result for pair in pairs if (result := _compare(*pair, a, b)) is not None]
+        firsts, seconds = (sorted(paths, key=lambda p: -len(p[0]))[:_COMPARED] for paths in (firsts, seconds))
+        found = [
+            result
+            for first in firsts
+            for second in map(_thinned, seconds)
+            if (result := _compare(first, second, a, b)) is not None
+        ]
         return min(found, key=lambda one: one[0])[1] if found else None
 
 
@@ -161,6 +188,12 @@ def _are_known(skeleton: Skeleton) -> bool:
 def _arrays(path: Iterable[tuple[int, Array]]) -> tuple[NDArray[np.int64], Array]:
     stamps, joints = zip(*path, strict=True)
     return np.array(stamps, np.int64), np.array(joints)
+
+
+def _thinned(path: tuple[NDArray[np.int64], Array]) -> tuple[NDArray[np.int64], Array]:
+    """Return `_THINNED` sightings of a path, or nearly twice as many."""
+    step = max(1, len(path[0]) // _THINNED)
+    return path[0][::step], path[1][::step]
 
 
 def _compare(

@@ -5,6 +5,7 @@ Its z is up, the floor is at z = 0; metres.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from depth_pose.core.config import SmoothConfig
 from depth_pose.core.types import Skeleton
 from depth_pose.recover.smooth import low_pass
+from depth_pose.rooms.fit_check import FitCheck
 from depth_pose.rooms.jumps import JumpMeter
 from depth_pose.rooms.merge import PlacedSkeleton, merge_skeletons, place
 from depth_pose.rooms.room_person import RoomPerson
@@ -90,6 +92,8 @@ class RoomMerger:
         self.tracks, self.watch = RoomTracks(), CameraWatch(names)
         self._times = Timelines(len(self.T_room_camera))
         self._jumps = [JumpMeter() for _ in self.T_room_camera]
+        self._fit, self._judged_s = FitCheck(names), -math.inf
+        self._placed = list(self.T_room_camera)
         self._smooth = smooth or SmoothConfig()
         self._kept: dict[str, _Kept] = {}
 
@@ -99,6 +103,7 @@ class RoomMerger:
     def reset(self) -> None:
         """Forget everybody; the cameras' states are kept."""
         self.tracks.reset()
+        self._fit.reset()
         self._kept = {}
 
     def room_stamp_ns(self, camera: int, stamp_ns: int) -> int:
@@ -138,6 +143,7 @@ class RoomMerger:
             return False
         if time.has_jumped:
             self.watch.jump(camera)
+            self._fit.forget(camera)
         self.watch.hear(camera, stamp_ns, now_s)
         names = [s.body_id for s in skeletons] if ids is None else ids
         is_bad = self.watch.count_people(camera, names, now_s)
@@ -149,8 +155,14 @@ class RoomMerger:
             self.tracks.leave_out(camera)
             self.check(now_s)
             return False
-        people = [RoomSighting.of(place(s, T, self.frame_id)) for s in skeletons if not s.is_lost]
+        placed = [place(s, T, self.frame_id) for s in skeletons if not s.is_lost]
+        before = self._placed[camera]
+        if before is None or not np.array_equal(before, T):
+            self._fit.forget(camera)
+            self._placed[camera] = T
+        people = list(map(RoomSighting.of, placed))
         if self.watch.is_used(camera):
+            self._fit.add(camera, stamp_ns, placed)
             self.tracks.assign(camera, stamp_ns, people)
             compared = self.tracks.compare(camera, stamp_ns)
         else:
@@ -161,10 +173,18 @@ class RoomMerger:
         return self.watch.is_used(camera)
 
     def check(self, now_s: float) -> None:
-        """Leave out cameras that stopped, lag or were moved; call it also while nothing arrives."""
+        """Leave out cameras that stopped, lag or were moved, and name those whose places do not fit.
+
+        Call it also while nothing arrives.
+        """
         for camera in self.watch.check(now_s):
             self.tracks.leave_out(camera)
+            self._fit.forget(camera)
         self._correct_clocks()
+        if not 0.0 <= now_s - self._judged_s < self._fit.period_s:
+            self._judged_s = now_s
+            if (lines := self._fit.judge_next()) is not None:
+                self.watch.mark_misfits(lines)
 
     def skeletons_at(self, stamp_ns: int) -> tuple[Skeleton, ...]:
         """Merge the recent sightings of all cameras.
@@ -215,6 +235,7 @@ class RoomMerger:
                 continue
             self.clock_offsets_s[camera] += offset_s
             of.clock.reset()
+            self._fit.forget(camera)
             offset_s = self.clock_offsets_s[camera]
             where = f"{1e3 * abs(offset_s):.0f} ms {'ahead of' if offset_s > 0 else 'behind'}"
             self.watch.tell(

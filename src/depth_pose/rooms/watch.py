@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -73,11 +73,15 @@ class WatchedCamera:
     residual_m : float
         Median distance between its people and the others' views of them; NaN if no person is shared.
     clock : ClockOffset
+    misfit : str
+        How its place does not fit the other cameras'; empty if it does, as far as is known.
     """
 
     name: str
     state: CameraState = CameraState.WAITING
     residual_m: float = math.nan
+    misfit: str = ""
+    is_misfit_told: bool = False
     clock: ClockOffset = field(default_factory=ClockOffset)
     heard_s: float | None = None
     arrivals: deque[float] = field(default_factory=lambda: deque(maxlen=_DELAYS))
@@ -137,6 +141,14 @@ class CameraWatch:
     def is_used(self, camera: int) -> bool:
         """Whether a camera takes part."""
         return self.cameras[camera].state == CameraState.USED
+
+    def mark_misfits(self, lines: Mapping[int, str]) -> None:
+        """Record how cameras do not fit (`depth_pose.rooms.fit_check`); tell it the second time."""
+        for camera, of in enumerate(self.cameras):
+            before, of.misfit = of.misfit, lines.get(camera, "")
+            if before and of.misfit and not of.is_misfit_told:
+                of.is_misfit_told = True
+                self._news.append(of.misfit)
 
     def news(self) -> list[str]:
         """Return the changes since the last call, one line each."""
@@ -316,5 +328,5 @@ class CameraWatch:
         if of.state == CameraState.MOVED or not math.isnan(of.residual_m):
             since_s = of.agrees_s
         if since_s is not None and now_s - since_s >= BACK_S:
-            of.state, of.jump_m = CameraState.USED, 0.0
+            of.state, of.jump_m, of.is_misfit_told = CameraState.USED, 0.0, False
             self._news.append(f"{of.name} takes part again")

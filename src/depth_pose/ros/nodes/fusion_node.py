@@ -210,7 +210,9 @@ class FusionNode(BankNode):
         missing = [f"{self.stage.frame_id} to {frame}" for frame in self._poses.missing()]
         if missing:
             return DiagnosticStatus.WARN, f"waits for the transform from {', '.join(missing)}"
-        out = [f"{c.name} {c.state.value}" for c in self.stage.watch.cameras if c.state != CameraState.USED]
+        cameras = self.stage.watch.cameras
+        out = [f"{c.name} {c.state.value}" for c in cameras if c.state != CameraState.USED]
+        out += [c.misfit for c in cameras if c.misfit]
         return (DiagnosticStatus.WARN, ", ".join(out)) if out else (level, words)
 
     def more_statuses(self) -> list[DiagnosticStatus]:
@@ -227,8 +229,9 @@ class FusionNode(BankNode):
                 "clock_offset_s": offset_s,
             }
             status = DiagnosticStatus(name=f"{self.get_fully_qualified_name()}: {of.name}")
-            status.level = DiagnosticStatus.OK if of.state == CameraState.USED else DiagnosticStatus.WARN
-            status.message, status.hardware_id = of.state.value, of.name
+            is_good = of.state == CameraState.USED and not of.misfit
+            status.level = DiagnosticStatus.OK if is_good else DiagnosticStatus.WARN
+            status.message, status.hardware_id = of.misfit or of.state.value, of.name
             status.values = [KeyValue(key=k, value=f"{v:.3f}") for k, v in values.items()]
             out.append(status)
         return out
