@@ -37,8 +37,8 @@ _MOST_PATHS = 40
 """Maximum number of kept paths, the newest."""
 
 _COMPARED, _THINNED = 3, 100
-"""Number of a camera's paths that are compared after a rigid motion, the longest, and of sightings of each, so
-that a check takes at most 40 ms; set by hand."""
+"""Number of a camera's paths that are compared after a rigid motion, the longest, and of sightings of each:
+a check takes at most 40 ms. Set by hand."""
 
 _ROUND_S = 2.0
 """Maximum time (s) in which all pairs of cameras are judged live; set by hand."""
