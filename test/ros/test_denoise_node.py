@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import scene
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from peer import RELIABLE
+from peer import RELIABLE, SENSOR
 from PIL import Image as PngImage
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, PointField
 
@@ -272,18 +272,26 @@ def test_latency_by_the_clock_of_a_recording(start, peer, frames, tmp_path):
     thread.join(60.0)
 
 
-def test_compressed_depth_gives_the_same_cloud(start, peer, frames):
-    topic = f"{IMAGE}/compressedDepth"
+@pytest.mark.parametrize(
+    ("topic", "format", "header"),
+    [
+        (f"{IMAGE}/compressedDepth", "16UC1; compressedDepth png", struct.pack("<iff", 0, 0.0, 0.0)),
+        ("/camera/packed", "16UC1; png compressed ", b""),
+    ],
+    ids=["usual", "renamed"],
+)
+def test_compressed_depth_gives_the_same_cloud(start, peer, frames, topic, format, header):
+    """Of any name: what the publisher sends tells, even if it begins after the node."""
     process = start("-m", "depth_pose.ros.nodes.denoise_node", "--ros-args", "-p", f"image_topic:={topic}")
     process.wait_for("is ready")
     clouds = peer.listen(PointCloud2, POINTS)
-    infos, images = peer.publisher(CameraInfo, INFO), peer.publisher(CompressedImage, topic)
+    infos = peer.publisher(CameraInfo, INFO)
+    images = peer.node.create_publisher(CompressedImage, topic, SENSOR)
     peer.until(lambda: peer.node.count_publishers(POINTS), what="the node's output")
     packed = io.BytesIO()
     PngImage.fromarray(np.round(frames[0].depth * 1000).astype(np.uint16)).save(packed, "PNG")
-    header = make_header(frames[0].stamp_ns, frames[0].frame_id)
-    data = struct.pack("<iff", 0, 0.0, 0.0) + packed.getvalue()
-    image = CompressedImage(header=header, format="16UC1; compressedDepth png", data=data)
+    image = CompressedImage(header=make_header(frames[0].stamp_ns, frames[0].frame_id), format=format)
+    image.data = header + packed.getvalue()
 
     def show():
         infos.publish(info_msg(frames[0]))

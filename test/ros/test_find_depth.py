@@ -18,6 +18,7 @@ KINDS = {
     "colour": lambda: Image(encoding="bgr8", step=12, data=bytes(48), **SIZE),
     "info": lambda: CameraInfo(**SIZE),
     "packed": lambda: CompressedImage(format="16UC1; compressedDepth"),
+    "jpeg": lambda: CompressedImage(format="rgb8; jpeg compressed bgr8", data=b"\xff\xd8\xff\xe0"),
     "cloud": PointCloud2,
 }
 
@@ -61,10 +62,12 @@ def test_an_image_of_depth_among_colours(peer):
             "/cam/depth/compressedDepth",
             {"image_topic": "/cam/depth/compressedDepth", "info_topic": "/cam/camera_info"},
         ),
+        ("packed", "/cam/small", {"image_topic": "/cam/small", "info_topic": "/cam/camera_info"}),
     ],
 )
 def test_the_only_one_of_another_type(peer, kind, topic, parameters):
-    with published(peer.node, **{kind: [topic]}, info=["/cam/camera_info"], colour=["/cam/image"]):
+    others = {"info": ["/cam/camera_info"], "colour": ["/cam/image"], "jpeg": ["/cam/jpeg"]}
+    with published(peer.node, **{kind: [topic]}, **others):
         assert find_depth().parameters == parameters
 
 
@@ -98,15 +101,6 @@ def test_the_node_says_which_topics_there_are_and_the_parameters(peer, start):
         node.wait_for("nobody publishes /camera/depth/image_raw")
         node.wait_for("cloud_topic:=/lidar/points")
         assert "image_topic:=/cam/depth/compressedDepth info_topic:=/cam/camera_info" in node.output
-
-
-def test_a_remap_to_a_compressed_topic_names_the_parameter(peer, start):
-    topic = "/cam/depth/compressedDepth"
-    with published(peer.node, packed=[topic], info=["/cam/camera_info"]):
-        rule = f"/camera/depth/image_raw:={topic}"
-        node = start("-m", "depth_pose.ros.nodes.denoise_node", "--ros-args", "-r", rule)
-        node.wait_for(f"name it by its parameters, without a remap: {topic}")
-        assert f"image_topic:={topic}" in node.output
 
 
 @pytest.mark.parametrize("local", [[], ["--local"]])

@@ -106,10 +106,9 @@ class DenoiseNode(StageNode):
         self.latch(CameraInfo, self.value("info_topic"), self.take_info, _INFOS)
         topic = self.value("image_topic")
         self._rectified = is_rectified(self.resolve_topic_name(topic))
-        kind = CompressedImage if topic.endswith(TOPIC_ENDING) else Image
-        if kind is CompressedImage:
-            compressed.warm_up()
-        return [Input(kind, topic, sensor=True)]
+        compressed.warm_up()
+        kinds = (CompressedImage, Image) if topic.endswith(TOPIC_ENDING) else (Image, CompressedImage)
+        return [Input(kinds[0], topic, sensor=True, others=kinds[1:])]
 
     def forget(self) -> None:
         """Drop the waiting images."""

@@ -11,7 +11,7 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from depth_pose.core.printable import printable
 from depth_pose.ros.transport.depth_sources import depth_sources
-from depth_pose.ros.transport.intake import Input
+from depth_pose.ros.transport.intake import Input, type_name
 from depth_pose.ros.transport.losses import packet_loss_advice
 
 MISSING_AFTER_S = 1.9
@@ -59,7 +59,7 @@ class PublisherWatch:
 
 @dataclass
 class _Watched:
-    type_name: str
+    type_names: tuple[str, ...]
     published: float | None = None
     last_s: float | None = None
     period: float = 0.0
@@ -79,7 +79,9 @@ class MissingInputWatch:
         self.missing: list[str] = []
         self._node, self._reliable = node, reliable
         self._started = time.monotonic()
-        self._watched = {i.topic: _Watched(_type_name(i.kind)) for i in inputs if i.sensor}
+        self._watched = {
+            i.topic: _Watched(tuple(map(type_name, (i.kind, *i.others)))) for i in inputs if i.sensor
+        }
 
     def on_message(self, topic: str) -> None:
         """Record a message."""
@@ -112,7 +114,7 @@ class MissingInputWatch:
                 self._node.get_logger().warning(printable(self._explain(topic, watched, found, now - since)))
 
     def _explain(self, topic: str, watched: _Watched, found: Sequence[object], missing_s: float) -> str:
-        wanted = watched.type_name
+        wanted = watched.type_names[0]
         sources = depth_sources(self._node) if self._node.has_parameter("image_topic") else []
         if not found:
             there = "; ".join(str(source) for source in sources)
@@ -120,7 +122,7 @@ class MissingInputWatch:
             return printable(f"nobody publishes {topic} ({wanted}){hint}")
         types = sorted({p.topic_type for p in found})  # type: ignore[attr-defined]
         start = f"{topic} has {len(found)} publisher(s) but nothing came for {missing_s:.0f} s: "
-        if types != [wanted]:
+        if len(types) > 1 or types[0] not in watched.type_names:
             how = "; ".join(str(source) for source in sources if source.topic == topic)
             hint = f"; name it by its parameters, without a remap: {how}" if how else ""
             return printable(f"{start}it carries {', '.join(types)}, this node takes {wanted}{hint}")
@@ -133,7 +135,3 @@ class MissingInputWatch:
             if durable
             else f"the sensor may be paused, or its frames are lost in transport: {packet_loss_advice()}"
         )
-
-
-def _type_name(kind: type) -> str:
-    return f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"

@@ -82,7 +82,7 @@ DENOISE: tuple[Setting, ...] = (
     Setting(
         "image_topic",
         "/camera/depth/image_raw",
-        "Depth image, 16UC1 millimetres or 32FC1 metres; or a topic that ends in /compressedDepth",
+        "Depth image, 16UC1 millimetres or 32FC1 metres; or compressed depth (PNG or RVL) of any name",
     ),
     Setting("info_topic", "/camera/depth/camera_info", "CameraInfo of the depth image"),
     Setting("cloud_topic", "", "PointCloud2 in the optical frame; if set, it is used instead of images"),

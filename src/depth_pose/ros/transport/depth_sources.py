@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from rclpy.node import Node
 
 from depth_pose.io import schemas
-from depth_pose.io.compressed import TOPIC_ENDING
 from depth_pose.io.depth_topics import info_beside
 from depth_pose.ros import NODES
 
@@ -33,11 +32,12 @@ class DepthSource:
         return f"{self.topic} ({self.kind}): {given}"
 
 
-def depth_sources(node: Node) -> list[DepthSource]:
-    """List the topics, other than the suite's, that may carry depth: images, compressed depth images, clouds.
+def depth_sources(node: Node, *, every: bool = False) -> list[DepthSource]:
+    """List the topics, other than the suite's, that may carry depth: images, compressed images, clouds.
 
-    If some image topics are named ``depth``, only those are listed. Images without a CameraInfo are left out,
-    and so are topics of a suite's nodes in any namespace.
+    If some image topics are named ``depth``, only those are listed, and of compressed images no others, which
+    mostly are colour, unless ``every`` image is wanted. Images without a CameraInfo are left out, and so are
+    topics of a suite's nodes in any namespace.
     """
     topics = {name: kinds for name, kinds in node.get_topic_names_and_types() if _has_foreign(node, name)}
     infos = [name for name, kinds in topics.items() if schemas.CAMERA_INFO in kinds]
@@ -46,12 +46,12 @@ def depth_sources(node: Node) -> list[DepthSource]:
         for kind in kinds:
             if kind == schemas.POINT_CLOUD:
                 clouds.append(DepthSource(name, kind, {"cloud_topic": name}))
-            elif kind == schemas.IMAGE or (kind == schemas.COMPRESSED and name.endswith(TOPIC_ENDING)):
-                info = info_beside(name, infos)
-                if info:
-                    images.append(DepthSource(name, kind, {"image_topic": name, "info_topic": info}))
+            elif kind in (schemas.IMAGE, schemas.COMPRESSED) and (info := info_beside(name, infos)):
+                images.append(DepthSource(name, kind, {"image_topic": name, "info_topic": info}))
+    if every:
+        return images + clouds
     named = [image for image in images if "depth" in image.topic.lower()]
-    return (named or images) + clouds
+    return (named or [image for image in images if image.kind == schemas.IMAGE]) + clouds
 
 
 def _has_foreign(node: Node, topic: str) -> bool:

@@ -10,13 +10,14 @@ import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import CompressedImage, Image
 
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.printable import printable
 from depth_pose.io import schemas
+from depth_pose.io.compressed import depth_encoding
 from depth_pose.io.depth_topics import DEPTH_ENCODINGS
-from depth_pose.io.messages import read_image
+from depth_pose.io.messages import read_image, read_message
 from depth_pose.ros import stay_local
 from depth_pose.ros.transport.depth_sources import DepthSource, depth_sources
 from depth_pose.ros.transport.intake import frame_qos
@@ -26,6 +27,8 @@ _DISCOVER_S, _SETTLE_S = 10.0, 1.5
 
 _MESSAGE_S = 3.0
 """Time limit for an image, whose encoding shows whether it is depth, seconds. Set by hand."""
+
+_KINDS = {schemas.IMAGE: Image, schemas.COMPRESSED: CompressedImage}
 
 
 def find_depth(local: bool = False) -> DepthSource:
@@ -50,15 +53,15 @@ def find_depth(local: bool = False) -> DepthSource:
         executor = SingleThreadedExecutor(context=context)
         executor.add_node(node)
         found = _discover(node, executor)
-        images = [source for source in found if source.kind == schemas.IMAGE]
+        images = [source for source in found if source.kind in _KINDS]
         depth = _those_with_depth(node, executor, images)
         executor.shutdown()
         node.destroy_node()
     finally:
         rclpy.try_shutdown(context=context)
-    packed = [source for source in found if source.kind == schemas.COMPRESSED]
+    plain = [source for source in depth if source.kind == schemas.IMAGE]
     clouds = [source for source in found if source.kind == schemas.POINT_CLOUD]
-    choices = depth or packed or clouds
+    choices = plain or depth or clouds
     if len(choices) == 1:
         return choices[0]
     if not choices:
@@ -74,7 +77,7 @@ def _discover(node: Node, executor: SingleThreadedExecutor) -> list[DepthSource]
     found: list[DepthSource] = []
     while (now := time.monotonic()) - began < _DISCOVER_S:
         executor.spin_once(timeout_sec=0.1)
-        before, found = found, depth_sources(node)
+        before, found = found, depth_sources(node, every=True)
         if found != before:
             changed = now
         if found and now - changed > _SETTLE_S:
@@ -86,23 +89,31 @@ def _those_with_depth(
     node: Node, executor: SingleThreadedExecutor, images: list[DepthSource]
 ) -> list[DepthSource]:
     """Return the image topics whose first image has an encoding of depth."""
-    encodings: dict[str, str] = {}
+    is_depth: dict[str, bool] = {}
 
-    def take(topic: str, data: Any) -> None:
+    def take(source: DepthSource, data: Any) -> None:
         try:
-            encodings[topic] = read_image(data).encoding
+            is_depth[source.topic] = _holds_depth(source.kind, data)
         except InputError:
-            encodings[topic] = ""
+            is_depth[source.topic] = False
 
-    for image in images:
+    for source in images:
         node.create_subscription(
-            Image,
-            image.topic,
-            partial(take, image.topic),
+            _KINDS[source.kind],
+            source.topic,
+            partial(take, source),
             frame_qos(1, False),
             raw=True,
         )
     began = time.monotonic()
-    while len(encodings) < len(images) and time.monotonic() - began < _MESSAGE_S:
+    while len(is_depth) < len(images) and time.monotonic() - began < _MESSAGE_S:
         executor.spin_once(timeout_sec=0.1)
-    return [image for image in images if encodings.get(image.topic) in DEPTH_ENCODINGS]
+    return [source for source in images if is_depth.get(source.topic)]
+
+
+def _holds_depth(kind: str, data: bytes) -> bool:
+    """Check whether a serialised image, compressed or not, holds depth."""
+    if kind == schemas.IMAGE:
+        return read_image(data).encoding in DEPTH_ENCODINGS
+    image = read_message(data, schemas.COMPRESSED)
+    return bool(depth_encoding(image.format, bytes(image.data[:32])))

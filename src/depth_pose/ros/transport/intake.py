@@ -49,11 +49,14 @@ class Input:
     topic : str
     sensor : bool
         Whether it comes from outside the suite: then its silence gives a warning.
+    others : tuple of type
+        Message classes that are taken instead where the publishers send one of them.
     """
 
     kind: type
     topic: str
     sensor: bool = False
+    others: tuple[type, ...] = ()
 
 
 class FrameSource(Protocol):
@@ -110,6 +113,17 @@ def is_sent_reliable(node: FrameConsumer, topic: str) -> bool | None:
     return all(p.qos_profile.reliability == ReliabilityPolicy.RELIABLE for p in found) if found else None
 
 
+def type_name(kind: type) -> str:
+    """Return the name of a message class as the graph has it: ``sensor_msgs/msg/Image``."""
+    return f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
+
+
+def sent_kind(node: FrameConsumer, wanted: Input) -> type | None:
+    """Return the class of an input that its publishers send; None where they send none, or several."""
+    types = {p.topic_type for p in node.get_publishers_info_by_topic(wanted.topic)}
+    return next((kind for kind in (wanted.kind, *wanted.others) if types == {type_name(kind)}), None)
+
+
 def waiting(subscription: Subscription) -> Iterator[tuple[Any, dict[str, Any]]]:
     """Return the messages in a subscription's queue, with their metadata."""
     handle = subscription.handle
@@ -152,19 +166,23 @@ class Intake:
         reliable = self._is_reliable[index]
         depth = max(self._depth, RELIABLE_DEPTH) if reliable and not self._lossless else self._depth
         i, qos = self.inputs[index], frame_qos(depth, reliable)
+        kind = sent_kind(self._node, i) or i.kind
         return self._node.create_subscription(
-            i.kind, i.topic, self._callback(index), qos, event_callbacks=NO_EVENTS
+            kind, i.topic, self._callback(index), qos, event_callbacks=NO_EVENTS
         )
 
     def check(self) -> None:
-        """Subscribe to every sensor with its publishers' reliability.
+        """Subscribe to every sensor with its publishers' type and reliability.
 
         A reliable publisher resends messages that a best-effort subscriber would lose.
         """
         for index, i in enumerate(self.inputs):
+            before, is_reliable = self._subscriptions[index], self._is_reliable[index]
             reliable = is_sent_reliable(self._node, i.topic) if i.sensor and not self._lossless else None
-            if reliable is not None and reliable != self._is_reliable[index]:
-                self._is_reliable[index] = reliable
+            wanted = is_reliable if reliable is None else reliable
+            kind = sent_kind(self._node, i) if i.others else None
+            if wanted != is_reliable or kind not in (None, before.msg_type):
+                self._is_reliable[index] = wanted
                 self._node.destroy_subscription(self._subscriptions[index])
                 self._last_taken.pop(index, None)
                 self._subscriptions[index] = self._subscribe(index)
