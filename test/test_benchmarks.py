@@ -33,7 +33,7 @@ COMMANDS = [
     ("speed.py",),
     *(("accuracy.py", part) for part in ("table1", "ablation", "confidence", "builds", "deviations")),
     ("finder.py",),
-    ("homes.py",),
+    *(("homes.py", part) for part in ("views", "cameras")),
     ("faults.py",),
     ("drivers.py",),
     ("archives.py",),

@@ -5,7 +5,7 @@ import pytest
 
 from depth_pose.core.skeleton import BONES, JOINT_INDEX, JOINTS
 from depth_pose.io.mcap_read import read_frames
-from depth_pose.sim.clips import RoomClip, sample_clip, write_clip
+from depth_pose.sim.clips import RoomClip, sample_clip, sample_still_clip, write_clip
 from depth_pose.sim.performers import Act, Performer
 
 FPS = 10.0
@@ -74,3 +74,14 @@ def test_who_sits_down_comes_to_rest_behind_their_feet(performer: Performer) -> 
     assert sitting.joints[0, 1] < 0.8 * standing.joints[0, 1]
     assert 0.2 < sitting.seat_height < 0.7
     assert sitting.vertices.shape == standing.vertices.shape  # one body, one outfit
+
+
+def test_a_still_home_has_one_truth_and_new_noise():
+    """Nobody moves, so that only the sensor's noise differs between frames."""
+    clip = sample_still_clip(np.random.default_rng(3), 3, 10.0, 1, "tof")
+    assert clip.depth.shape[0] == len(clip.stamps_ns) == 3
+    assert (clip.joints == clip.joints[0]).all() and len(clip.joints[0]) == 1
+    first, second = clip.depth[:2]
+    both = (first > 0) & (second > 0)
+    assert (first != second)[both].any()
+    assert np.median(np.abs(first - second)[both]) < 0.02

@@ -24,7 +24,7 @@ from depth_pose.sim.people import HOLDS_M, sample_figure
 from depth_pose.sim.placed import Placed
 from depth_pose.sim.resting import Settled, child_in_arms
 from depth_pose.sim.rooms import draw_thing
-from depth_pose.sim.scene_noise import Shown, measure
+from depth_pose.sim.scene_noise import SceneSensor, Shown, measure, sample_sensor
 from depth_pose.sim.scene_view import View
 from depth_pose.sim.shapes import Assembly, Kind, Triangles, triangulate
 
@@ -52,6 +52,8 @@ _BLOCK = 32
 """Sides of drawn images are multiples of this many pixels, where the image has room."""
 _HIDDEN_SHARE = 0.5
 """Share of people at home with something before them. Set by hand."""
+_FARTHEST_M = {False: 4.6, True: 6.0}
+"""Largest distance of cameras in the usual arrangement (m), in rooms and at home. Set by hand."""
 _NEAR_M = 0.05
 _OTHERS = 12
 """Number of figures kept for placing beside later ones."""
@@ -91,11 +93,14 @@ class CloseUpMaker:
         Share of people with a body of Anny.
     homes : float
         Share of people as they are at home: dark clothes, pets, cloth and furniture before them.
+    stereo : float
+        Share of sensors at home that are stereo cameras, half of them with a projector.
     """
 
     views: int = 4
     anny: float = 0.0
     homes: float = 0.5
+    stereo: float = 0.5
     _others: list[Settled] = field(default_factory=list)
 
     def make(self, rng: np.random.Generator) -> list[CloseUp]:
@@ -122,13 +127,20 @@ class CloseUpMaker:
         out = []
         torso = person.joints[_TORSO].mean(axis=0)
         for _ in range(_TRIES * self.views):
-            view = _sample_view(torso, surroundings, rng)
-            seen = None if view is None else _render(view, person, beside, room, rng)
+            view = _sample_view(torso, surroundings, _FARTHEST_M[home], rng)
+            seen = None
+            if view is not None:
+                sensor = self._home_sensor(rng) if home else sample_sensor(rng)
+                seen = _render(view, sensor, person, beside, room, rng)
             if seen is not None:
                 out.append(seen)
             if len(out) == self.views:
                 break
         return out
+
+    def _home_sensor(self, rng: np.random.Generator) -> SceneSensor:
+        pair = ("active", "passive") if rng.random() < self.stereo else ("structured", "tof")
+        return sample_home_sensor(rng, str(rng.choice(pair)))
 
     def _beside(
         self,
@@ -223,7 +235,9 @@ def _put(shapes: Assembly, thing: Assembly, x: float, z: float, turn: float, poi
     return True
 
 
-def _sample_view(torso: Array, around: _Surroundings, rng: np.random.Generator) -> View | None:
+def _sample_view(
+    torso: Array, around: _Surroundings, farthest: float, rng: np.random.Generator
+) -> View | None:
     """Sample a camera that looks roughly at a torso; None if it is behind a wall."""
     width = int(rng.choice([160, 176, 176, 212, 224, 256, 320]))
     height = min(
@@ -233,7 +247,7 @@ def _sample_view(torso: Array, around: _Surroundings, rng: np.random.Generator) 
     focal = width / 2 / np.tan(np.radians(np.clip(spread, 38, 100)) / 2)
     azimuth = rng.normal(0, 0.8) if rng.random() < 0.5 else rng.uniform(-np.pi, np.pi)
     common = rng.random() < _COMMON_SHARE
-    away = rng.uniform(1.9, 4.6) if common else float(np.clip(np.exp(rng.normal(0.9, 0.6)), 0.55, 6.5))
+    away = rng.uniform(1.9, farthest) if common else float(np.clip(np.exp(rng.normal(0.9, 0.6)), 0.55, 6.5))
     above = not common and rng.random() < _ABOVE_SHARE
     lift = rng.uniform(1.9, 4.0) if above else float(np.clip(rng.normal(1.3, 0.5), 0.25, 3.0))
     flat = rng.uniform(0.0, 2.2) if above else np.sqrt(max(away**2 - (lift - torso[1]) ** 2, 0.2))
@@ -272,7 +286,12 @@ def _between(target: Array) -> Array:
 
 
 def _render(
-    view: View, person: Placed, beside: list[Placed], room: Triangles, rng: np.random.Generator
+    view: View,
+    sensor: SceneSensor,
+    person: Placed,
+    beside: list[Placed],
+    room: Triangles,
+    rng: np.random.Generator,
 ) -> CloseUp | None:
     """Render a camera's depth image around a person; None where it shows too little of them."""
     joints = view.to_optical(person.joints)
@@ -313,7 +332,7 @@ def _render(
     kernels.shade(vertices, faces, face, camera, cosine)
     albedo = np.append(np.concatenate(albedos), np.float32(0))[face]
     depth = np.divide(1.0, inverse, out=np.zeros(shape), where=face >= 0).astype(np.float32)
-    measured = measure(Shown(depth, cosine, albedo, camera.fx), sample_home_sensor(rng), rng)
+    measured = measure(Shown(depth, cosine, albedo, camera.fx), sensor, rng)
     if int(((whose == 1) & (measured > 0)).sum()) < _LEAST_PIXELS:
         return None
     landmarks = np.concatenate([joints, view.to_optical(person.heels)]).astype(np.float32)

@@ -1,11 +1,14 @@
 """Fit the odds of a person to tracks in simulated homes, and write ``person_odds.json`` beside the nets.
 
-    python tools/people_finder/fit_person_odds.py src/depth_pose/detect/weights --clips 160
+    python tools/people_finder/fit_person_odds.py collect rows/0.npz --clips 160
+    python tools/people_finder/fit_person_odds.py collect rows/1.npz --clips 160 --first 160
+    python tools/people_finder/fit_person_odds.py fit src/depth_pose/detect/weights rows/*.npz
 
-The pipeline runs with its nets over short clips, a third of them from cameras that move, and keeps every
-track, likely or not. A track is a person where its body lies at one who is visible by 30 %; those of people
-who show less are left out. A third of the clips have nobody but pets, coats and boxes.
-Prints the calibration on the last quarter of the clips, by family of sensors.
+The pipeline runs with its nets over short clips and keeps every track, likely or not. In half of the clips
+nobody moves: people lie, sit, kneel and stand, seen from all mountings; in the others they walk about, and
+half of the cameras move. A third have nobody but pets, coats and boxes. A track is a person where its body
+lies at one who is visible by 30 %; those of people who show less are left out.
+Prints the calibration on clips kept apart, by family of sensors and by kind of clip.
 """
 
 from __future__ import annotations
@@ -25,7 +28,7 @@ from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.core.types import DepthFrame
 from depth_pose.detect.tuning import DetectTuning
 from depth_pose.pipeline import PosePipeline
-from depth_pose.sim.clips import RoomClip, sample_clip
+from depth_pose.sim.clips import RoomClip, sample_clip, sample_still_clip
 from depth_pose.sim.home_sensors import HOME_FAMILIES
 from depth_pose.track.person_odds import PersonOdds
 from depth_pose.track.tracks import PeopleTracks, TrackLimits
@@ -42,15 +45,33 @@ _SIGNS, _SIGNS_FITTED = (0, 1, 1, 1, 1, 0, -1), (0, 1, -1)
 against one."""
 _STEPS, _RIDGE = 40, 1.0
 """Newton steps, and ridge on all weights but the constant."""
+_KINDS = ("still", "walks", "still", "moving camera")
+"""Kinds of clips, in turn."""
+_PEOPLE_SHARES, _FPS = (0.34, 0.36, 0.18, 0.12), 10.0
+"""Shares of clips with zero to three people, and frames a second. Set by hand."""
+
+app = typer.Typer(add_completion=False)
 
 
 class Rows(NamedTuple):
-    """Tracks in frames: terms (N, 7), disagreement (N,), whether a person (N,), and clip (N,)."""
+    """Tracks in frames, (N,) or (N, 7): terms, disagreement, whether a person, clip, its sensor and kind."""
 
     terms: NDArray[np.float64]
     disagreement: NDArray[np.float64]
     is_person: NDArray[np.bool_]
     clip: NDArray[np.int64]
+    family: NDArray[np.str_]
+    kind: NDArray[np.str_]
+
+    @classmethod
+    def load(cls, files: list[Path]) -> Rows:
+        """Read and join files from ``collect``."""
+        parts = [np.load(path) for path in files]
+        return cls(*(np.concatenate([part[name] for part in parts]) for name in cls._fields))
+
+    def at(self, chosen: NDArray[np.bool_]) -> Rows:
+        """Return some of the rows."""
+        return Rows(*(column[chosen] for column in self))
 
 
 def collect(pipeline: PosePipeline, clip: RoomClip) -> list[tuple[NDArray[np.float64], float, bool]]:
@@ -106,59 +127,71 @@ def _fit_freely(x: NDArray[np.float64], is_person: NDArray[np.bool_]) -> NDArray
     return weights
 
 
-def report(odds: PersonOdds, rows: Rows, families: NDArray[np.str_]) -> None:
+def report(odds: PersonOdds, rows: Rows) -> None:
     """Print how often what is called a person is one."""
     before = rows.terms @ odds.track
     p = logistic(np.column_stack([np.ones(len(before)), before, rows.disagreement]) @ odds.fitted)
-    for family in (*HOME_FAMILIES, "all"):
-        at = (families[rows.clip] == family) | (family == "all")
+    for group in (*HOME_FAMILIES, *dict.fromkeys(_KINDS), "all"):
+        at = (rows.family == group) | (rows.kind == group) | (group == "all")
         if not at.any():
             continue
         edges = np.quantile(p[at], np.linspace(0, 1, 6)[1:-1])
         bins = np.digitize(p[at], edges)
         gaps = [abs(p[at][bins == b].mean() - rows.is_person[at][bins == b].mean()) for b in np.unique(bins)]
         print(
-            f"{family:10s} {at.sum():6d} tracks, people {rows.is_person[at].mean():.3f}, said "
+            f"{group:13s} {at.sum():6d} tracks, people {rows.is_person[at].mean():.3f}, said "
             f"{p[at].mean():.3f}, mean gap by fifths {np.mean(gaps):.3f}; people found at .5 "
             f"{(p[at] >= 0.5)[rows.is_person[at]].mean():.3f}, "
             f"things {(p[at] >= 0.5)[~rows.is_person[at]].mean():.3f}"
         )
 
 
-def main(
-    out: Annotated[Path, typer.Argument(help="Folder for person_odds.json")],
-    clips: Annotated[int, typer.Option(help="Clips")] = 160,
-    frames: Annotated[int, typer.Option(help="Frames of each")] = 14,
-    seed: Annotated[int, typer.Option(help="Start of all random numbers")] = 41,
+@app.command("collect")
+def collect_rows(
+    out: Annotated[Path, typer.Argument(help="File of tracks to write (.npz)")],
+    clips: Annotated[int, typer.Option(help="Clips")] = 320,
     first: Annotated[int, typer.Option(help="Number of the first clip")] = 0,
+    frames: Annotated[int, typer.Option(help="Frames of each")] = 8,
+    seed: Annotated[int, typer.Option(help="Start of all random numbers")] = 41,
 ) -> None:
-    """Fit the odds and write them."""
+    """Run the pipeline over clips of homes and write their tracks."""
     pipeline = PosePipeline(Bank.load(default_bank_path()), tuning=Tuning(detect=DetectTuning(keep=0.05)))
     pipeline.perception.tracks = PeopleTracks(_EVERYTHING)
-    parts, families = [], []
+    parts: list[tuple[object, ...]] = []
     for k in track(range(first, first + clips), "clips"):
         rng = np.random.default_rng([seed, k])
-        family = HOME_FAMILIES[k % len(HOME_FAMILIES)]
-        people = (0, 1, 2, 0, 3, 1)[k % 6]
-        clip = sample_clip(
-            rng, frames=frames, fps=10.0, people=people, sensor=family, home=True, moves=k % 3 == 2
-        )
-        families.append(family)
-        parts += [(*row, k - first) for row in collect(pipeline, clip)]
-    rows = Rows(*(np.array(column) for column in zip(*parts, strict=True)))
-    fitted_on = rows.clip < 0.75 * clips
-    taught = Rows(*(column[fitted_on] for column in rows))
+        family, people = HOME_FAMILIES[k % len(HOME_FAMILIES)], int(rng.choice(4, p=_PEOPLE_SHARES))
+        kind = _KINDS[k // len(HOME_FAMILIES) % len(_KINDS)]
+        if kind == "still":
+            clip = sample_still_clip(rng, frames, _FPS, people, family)
+        else:
+            clip = sample_clip(
+                rng, frames, _FPS, people, sensor=family, home=True, moves=kind == "moving camera"
+            )
+        parts += [(*row, k, family, kind) for row in collect(pipeline, clip)]
+    out.parent.mkdir(parents=True, exist_ok=True)
+    np.savez(out, **dict(zip(Rows._fields, map(np.array, zip(*parts, strict=True)), strict=True)))
+
+
+@app.command("fit")
+def fit_odds(
+    out: Annotated[Path, typer.Argument(help="Folder for person_odds.json")],
+    files: Annotated[list[Path], typer.Argument(help="Files from 'collect'")],
+) -> None:
+    """Fit the odds and write them; one in four clips is kept apart for the check."""
+    rows = Rows.load(files)
+    apart = rows.clip // (len(HOME_FAMILIES) * len(_KINDS)) % 4 == 3
+    taught = rows.at(~apart)
     weights = fit(taught.terms, taught.is_person, _SIGNS)
     after = np.column_stack([np.ones(len(taught.terms)), taught.terms @ weights, taught.disagreement])
     odds = PersonOdds(weights, fit(after, taught.is_person, _SIGNS_FITTED))
-    for name, at in (("fitted on", fitted_on), ("others", ~fitted_on)):
+    for name, at in (("fitted on", ~apart), ("others", apart)):
         print(name)
-        report(odds, Rows(*(column[at] for column in rows)), np.array(families))
-    np.savez(out / "person_rows.npz", **rows._asdict(), families=np.array(families))
+        report(odds, rows.at(at))
     values = {"track": odds.track.round(4).tolist(), "fitted": odds.fitted.round(4).tolist()}
     (out / "person_odds.json").write_text(json.dumps(values) + "\n")
     print(values)
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    app()

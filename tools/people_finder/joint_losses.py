@@ -78,6 +78,24 @@ def joint_loss(answer: Answer, cells: Tensor, truth: Truth) -> tuple[Tensor, dic
     return total, {name: part.detach() for name, part in parts.items()}
 
 
+def keep_loss(answer: Answer, taught: Answer) -> Tensor:
+    """Compute how far answers are from those of an earlier net to the same crops.
+
+    What a net learned is kept while it learns new kinds of crops by teaching its former answers on the old
+    kinds (Li and Hoiem 2016, *Learning without forgetting*): places of votes, landmarks by the widths that
+    the earlier net states, these widths, masks, and what is seen from behind.
+    """
+    width = LEAST_WIDTH_M + torch.exp(taught.log_error.clamp(*LOG_WIDTHS))
+    off = answer.landmarks - taught.landmarks
+    aside = (off[..., :2].square().sum(dim=-1) + 1e-8).sqrt() / width[..., 0]
+    places = (taught.log_weights.exp() * (taught.log_weights - answer.log_weights)).sum(dim=-1)
+    widths = (answer.log_error - taught.log_error).square().mean(dim=-1)
+    landmarks = aside + off[..., 2].abs() / width[..., 1] + _PLACE_WEIGHT * places + widths
+    behind = _cross_entropy(answer.behind, torch.sigmoid(taught.behind))
+    mask = _cross_entropy(answer.mask, torch.sigmoid(taught.mask))
+    return landmarks.mean() + _BEHIND_WEIGHT * behind.mean() + _MASK_WEIGHT * mask.mean()
+
+
 def rename(landmarks: Tensor) -> Tensor:
     """Exchange left and right in the names of landmarks (N, L, 3)."""
     return landmarks[:, _mirror(landmarks.device)]

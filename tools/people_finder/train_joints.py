@@ -13,7 +13,7 @@ A graphics card trains faster than processors draw crops, of which a core draws 
 ``--workers`` draws in processes of their own, and where no batch is ready, an earlier one is changed
 (`change`) and used again:
 
-    python tools/people_finder/train_joints.py runs/joints --start start.pt --keep-belief start.pt \
+    python tools/people_finder/train_joints.py runs/joints --start start.pt --teacher start.pt \
         --sightings sightings.npz --anny 0.4 --crops 820000 --decay 1910000 --batch 256 --found 32 \
         --fresh 0.2 --device cuda --workers 15
 
@@ -26,11 +26,12 @@ import copy
 import json
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import fields
+from datetime import datetime
 from pathlib import Path
 from queue import Empty, Queue
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import torch
@@ -38,8 +39,8 @@ import typer
 from close_ups import CloseUp, CloseUpMaker
 from crop_changes import change
 from crops import CropBatch, CropSampler
-from joint_losses import Truth, joint_loss
-from joint_net import JointNet, heels_of_ankles
+from joint_losses import Truth, joint_loss, keep_loss
+from joint_net import Answer, JointNet, heels_of_ankles
 from numpy.typing import NDArray
 from optimise import arithmetic, follow
 from sightings import Sightings
@@ -70,11 +71,17 @@ rate rises, and largest norm of a gradient. Set by hand."""
 _AHEAD, _KEPT, _LEAST_KEPT = 6, 250, 8
 """Batches on the device that are waiting, those kept for using them again, and how many that needs."""
 
+_KEPT_WEIGHT = 1.0
+"""Weight of a teacher's answers beside the truth. Set by hand."""
+
 _BEFORE_GRAPH = 4
 """Steps before one is recorded as a graph."""
 
-_CHECK_SEED, _CHECKS = 900_001, 400
+_CHECK_SEED, _CHECKS = 900_001, 200
 """Seed and number of the validation close-ups; training seeds are small numbers."""
+
+_FIRST = 250
+"""Close-ups of a pool before the first step."""
 
 app = typer.Typer(add_completion=False)
 
@@ -89,18 +96,15 @@ class Stream:
         Number of close-ups kept.
     fresh : float
         New close-ups for each one used.
-    anny : float
-        Share of people with a body of Anny.
-    views : int
-        Number of cameras that look at each person.
+    maker : CloseUpMaker
     """
 
-    def __init__(self, seed: tuple[int, ...], room: int, fresh: float, anny: float, views: int) -> None:
+    def __init__(self, seed: tuple[int, ...], room: int, fresh: float, maker: CloseUpMaker) -> None:
         self._rng = np.random.default_rng(seed)
-        self._maker, self._room, self._fresh = CloseUpMaker(views, anny), room, fresh
+        self._maker, self._room, self._fresh = maker, room, fresh
         self._kept: list[CloseUp] = []
         self._due = 0.0
-        while len(self._kept) < min(room, 500):
+        while len(self._kept) < min(room, _FIRST):
             self._kept += self._maker.make(self._rng)
 
     def next(self, size: int) -> list[CloseUp]:
@@ -123,46 +127,60 @@ class Stream:
         return out
 
 
+class Counts(NamedTuple):
+    """Crops of a batch: close-ups in rooms, then those at home, then sightings."""
+
+    rooms: int
+    homes: int
+    found: int
+
+
 class Batches(IterableDataset[list[Tensor]]):
     """Batches of crops without end, drawn in each worker by itself; their order differs with the seed.
 
     Parameters
     ----------
     seed : tuple of int
-    batch, found : int
-        Crops of a batch, and how many of them, the last ones, are sightings.
+    counts : Counts
     sightings : Path or None
-    room, fresh, anny, views
+    room, fresh
         As `Stream`; ``room`` is shared by all workers.
+    anny, views, stereo
+        As `CloseUpMaker`.
     """
 
     def __init__(
         self,
         seed: tuple[int, ...],
-        batch: int,
-        found: int,
+        counts: Counts,
         sightings: Path | None,
         room: int,
         fresh: float,
         anny: float,
         views: int,
+        stereo: float,
     ) -> None:
-        self._seed, self._batch, self._found = seed, batch, found if sightings else 0
-        self._sightings, self._room, self._fresh = sightings, room, fresh
-        self._anny, self._views = anny, views
+        self._seed, self._counts, self._sightings = seed, counts, sightings
+        self._room, self._fresh = room, fresh
+        self._makers = [(n, CloseUpMaker(views, anny, homes, stereo)) for homes, n in enumerate(counts[:2])]
 
     def __iter__(self) -> Iterator[list[Tensor]]:
         worker = get_worker_info()
         number, count = (worker.id, worker.num_workers) if worker else (0, 1)
         seed = (*self._seed, number)
         seen = Sightings.load(self._sightings) if self._sightings else None
-        stream = Stream(seed, self._room // count, self._fresh, self._anny, self._views)
+        room = self._room // (2 * count)
+        streams = [
+            (n, Stream((*seed, 2 + k), room, self._fresh, maker))
+            for k, (n, maker) in enumerate(self._makers)
+            if n
+        ]
         rng, sampler = np.random.default_rng([*seed, 1]), CropSampler()
         while True:
-            crops = sampler.batch(stream.next(self._batch - self._found), rng)
+            crops = [sampler.batch(stream.next(n), rng) for n, stream in streams]
             if seen is not None:
-                crops = joined([crops, seen.batch(seen.draw(self._found, rng), rng)])
-            yield to_tensors(crops)
+                crops.append(seen.batch(seen.draw(self._counts.found, rng), rng))
+            yield to_tensors(joined(crops))
 
 
 def on_device(
@@ -212,8 +230,21 @@ def train(
     changed: Annotated[
         float, typer.Option(help="Share of batches that are stretched and covered, on processors")
     ] = 0.0,
-    keep_belief: Annotated[
-        Path | None, typer.Option(help="Weights whose belief sightings teach, not whether they are people")
+    homes: Annotated[float, typer.Option(help="Share of close-ups that are at home")] = 0.5,
+    stereo: Annotated[float, typer.Option(help="Share of sensors at home that are stereo cameras")] = 0.5,
+    teacher: Annotated[
+        Path | None,
+        typer.Option(
+            help="Weights whose answers close-ups in rooms teach beside the truth; their belief is what "
+            "sightings teach"
+        ),
+    ] = None,
+    until: Annotated[
+        datetime | None,
+        typer.Option(
+            help="When the fall of the rate has to end, if CROPS and DECAY take longer",
+            formats=["%Y-%m-%dT%H:%M"],
+        ),
     ] = None,
     seed: Annotated[int, typer.Option(help="Start of all random numbers")] = 1,
     start: Annotated[Path | None, typer.Option(help="Weights to start from where OUT has none")] = None,
@@ -242,19 +273,25 @@ def train(
     torch.manual_seed(seed)
     out.mkdir(parents=True, exist_ok=True)
     run = Run(out, rate, device, exact, start, coarse, coarse_rate, only_heels, fused)
-    if keep_belief is not None:
-        run.keep_belief(keep_belief, found)
-    families = {"": 0.0, "anny_": 1.0} if anny > 0.0 else {"": 0.0}
-    apart = {name: CropSampler().batch(_check_set(share), None) for name, share in families.items()}
-    drawn = Batches((seed, run.done), batch, found, sightings, keep, fresh, anny, views)
+    found = found if sightings else 0
+    at_home = round(homes * (batch - found))
+    counts = Counts(batch - found - at_home, at_home, found)
+    if teacher is not None:
+        run.follow_teacher(teacher, counts, fused)
+    makers = {"": CloseUpMaker(2, homes=0.0), "home_": CloseUpMaker(2, homes=1.0, stereo=1.0)}
+    if anny > 0.0:
+        makers["anny_"] = CloseUpMaker(2, 1.0, homes=0.0)
+    apart = {name: CropSampler().batch(_check_set(maker), None) for name, maker in makers.items()}
+    drawn = Batches((seed, run.done), counts, sightings, keep, fresh, anny, views, stereo)
     batches = on_device(drawn, workers, device, changed, np.random.default_rng([seed, run.done, 2]))
     while run.done < crops:
         run.step(next(batches), min(1.0, (run.steps + 1) / _WARM_UP), _EMA)
         if run.done % save_every < batch or run.done >= crops:
             run.save(out / "stable.pt", apart)
-    first = run.done
-    while run.done < first + decay:
-        run.step(next(batches), 1.0 - (run.done - first) / decay, _EMA_FALLING)
+    first, began = run.done, time.time()
+    seconds = np.inf if until is None else until.timestamp() - began
+    while (left := 1.0 - max((run.done - first) / max(decay, 1), (time.time() - began) / seconds)) > 0.0:
+        run.step(next(batches), left, _EMA_FALLING)
         if run.done % save_every < batch:
             run.save(out / "falling.pt", apart)
     run.save(out / "falling.pt", apart)
@@ -304,8 +341,8 @@ class Run:
         )
         self.rate, self.device, self.exact, self.steps, self.done = rate, device, exact, 0, 0
         self._vote = torch.compile(self.net.vote) if fused else self.net.vote
-        self._believing: JointNet | None = None
-        self._found = 0
+        self._taught: Callable[[Tensor], Answer] | None = None
+        self._counts = Counts(0, 0, 0)
         self._inputs: list[Tensor] = []
         self._parts: dict[str, Tensor] = {}
         self._mean: dict[str, Tensor] = {}
@@ -318,10 +355,11 @@ class Run:
             self.optimiser.load_state_dict(kept["optimiser"])
             self.steps, self.done = kept["steps"], kept["done"]
 
-    def keep_belief(self, weights: Path, found: int) -> None:
-        """Teach from now on, by the last crops of each batch, what a net of these weights believes."""
-        self._believing, self._found = copy.deepcopy(self.net).eval(), found
-        self._believing.load_state_dict(torch.load(weights, weights_only=True))
+    def follow_teacher(self, weights: Path, counts: Counts, fused: bool) -> None:
+        """Teach from now on, by close-ups in rooms and sightings, what a net of these weights answers."""
+        net = copy.deepcopy(self.net).eval().requires_grad_(False)
+        net.load_state_dict(torch.load(weights, weights_only=True))
+        self._taught, self._counts = torch.compile(net.vote) if fused else net.vote, counts
 
     def step(self, crops: list[Tensor], share: float, keep: float) -> None:
         """Train on a batch at a share of the highest rate; ``keep`` is the decay of the averaged weights."""
@@ -348,11 +386,18 @@ class Run:
         truth, exact = Truth(*targets), self.exact
         with arithmetic(exact, self.device):
             answer = self._vote(x)
-        if self._believing is not None and self._found:
+        kept: Tensor | None = None
+        if self._taught is not None:
+            rooms, at_home, _ = self._counts
             with arithmetic(exact, self.device), torch.no_grad():
-                believed = torch.sigmoid(self._believing(x[-self._found :])[3])
-            truth = truth._replace(person=torch.cat([truth.person[: -self._found], believed]))
+                taught = self._taught(torch.cat([x[:rooms], x[rooms + at_home :]]))
+            believed = torch.sigmoid(taught.person[rooms:])
+            truth = truth._replace(person=torch.cat([truth.person[: rooms + at_home], believed]))
+            kept = keep_loss(Answer(*(part[:rooms] for part in answer)), Answer(*(t[:rooms] for t in taught)))
         loss, self._parts = joint_loss(answer, self.net.cells[0, 0, :2].T, truth)
+        if kept is not None:
+            loss = loss + _KEPT_WEIGHT * self._counts.rooms / len(x) * kept
+            self._parts["kept"] = kept.detach()
         self.optimiser.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(self.net.parameters(), _CLIP)
@@ -394,8 +439,8 @@ class Run:
             print(json.dumps(line), file=log)
 
 
-def _check_set(anny: float) -> list[CloseUp]:
-    rng, maker, out = np.random.default_rng(_CHECK_SEED), CloseUpMaker(2, anny), []
+def _check_set(maker: CloseUpMaker) -> list[CloseUp]:
+    rng, out = np.random.default_rng(_CHECK_SEED), list[CloseUp]()
     while len(out) < _CHECKS:
         out += maker.make(rng)
     return out[:_CHECKS]

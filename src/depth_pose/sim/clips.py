@@ -24,7 +24,7 @@ from depth_pose.core.outputs import new_file
 from depth_pose.core.skeleton import JOINTS
 from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.rooms.rigfile import upright_from
-from depth_pose.sim.home_scenes import UPRIGHT_MOUNTINGS
+from depth_pose.sim.home_scenes import UPRIGHT_MOUNTINGS, furnished_home
 from depth_pose.sim.home_sensors import sample_home_sensor, sample_named_sensor
 from depth_pose.sim.performers import Performer, Track
 from depth_pose.sim.play import furnish_around, person_at, sample_stage, sample_track
@@ -156,6 +156,37 @@ def sample_clip(
         np.stack([v.T_camera_room for v in views]) @ upright_from("z"),
         moves,
         worn if home else (),
+    )
+
+
+def sample_still_clip(
+    rng: np.random.Generator, frames: int, fps: float, people: int, sensor: str | None = None
+) -> RoomClip:
+    """Make a random video of a home in which nobody moves: people sit, lie, kneel or stand.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    frames : int
+    fps : float
+        Frames a second.
+    people : int
+        Number of people; fewer if the room has no space for them.
+    sensor : str, optional
+        Family of the sensor (`depth_pose.sim.home_sensors.HOME_FAMILIES`); random by default.
+    """
+    home = furnished_home(rng, people=people, sensor=sensor)
+    steady = int(rng.integers(2**31))
+    scenes = [render(home.view, home.surfaces, home.persons, home.sensor, rng, steady) for _ in range(frames)]
+    return RoomClip(
+        np.stack([s.depth for s in scenes]),
+        np.stack([s.joints for s in scenes]),
+        np.stack([s.seen for s in scenes]),
+        np.stack([s.visible for s in scenes]),
+        START_NS + np.rint(np.arange(frames) * 1e9 / fps).astype(np.int64),
+        home.view.camera,
+        np.stack([home.view.T_camera_room] * frames) @ upright_from("z"),
+        materials=scenes[0].fabrics,
     )
 
 

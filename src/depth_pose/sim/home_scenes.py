@@ -8,6 +8,8 @@ cameras on robots and shelves too; active and passive stereo (`depth_pose.sim.ho
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from depth_pose.core.camera import Camera
@@ -17,10 +19,12 @@ from depth_pose.sim.homes import furnish_home
 from depth_pose.sim.lookalikes import add_lookalikes
 from depth_pose.sim.materials import sample_wardrobe
 from depth_pose.sim.people import HOLDS_M, Figure, sample_figure
+from depth_pose.sim.placed import Placed
 from depth_pose.sim.rooms import make_room
+from depth_pose.sim.scene_noise import SceneSensor
 from depth_pose.sim.scene_view import View
 from depth_pose.sim.scenes import EVERY, Scene, add_background, mount, render, sample_camera
-from depth_pose.sim.shapes import triangulate
+from depth_pose.sim.shapes import Triangles, triangulate
 
 HOME_MOUNTINGS = {
     "common": 0.36, "robot": 0.2, "shelf": 0.18, "ceiling": 0.14, "low": 0.06, "rolled": 0.06,
@@ -53,6 +57,25 @@ _WIDE = 0.6
 """Share of passive stereo cameras with a wide image. Set by hand."""
 
 
+class Home(NamedTuple):
+    """A home before it is measured.
+
+    Attributes
+    ----------
+    view : View
+        The camera.
+    surfaces : Triangles
+        Room, furniture and pets.
+    persons : list of Placed
+    sensor : SceneSensor
+    """
+
+    view: View
+    surfaces: Triangles
+    persons: list[Placed]
+    sensor: SceneSensor
+
+
 def sample_home(
     rng: np.random.Generator,
     *,
@@ -67,6 +90,20 @@ def sample_home(
     Parameters are those of `depth_pose.sim.scenes.sample_scene`; mountings are those of `HOME_MOUNTINGS` and
     families of sensors those of `depth_pose.sim.home_sensors.HOME_FAMILIES`.
     """
+    home = furnished_home(rng, width=width, people=people, mounting=mounting, sensor=sensor)
+    scene = render(home.view, home.surfaces, home.persons, home.sensor, rng)
+    return add_background(scene, home.view, home.surfaces, home.sensor, rng) if with_background else scene
+
+
+def furnished_home(
+    rng: np.random.Generator,
+    *,
+    width: int = 320,
+    people: int | None = None,
+    mounting: str | None = None,
+    sensor: str | None = None,
+) -> Home:
+    """Make a random home that is not measured yet; parameters are those of `sample_home`."""
     if people is None:
         people = int(rng.choice(len(_PEOPLE_SHARES), p=_PEOPLE_SHARES))
     seen_by = sample_home_sensor(rng, sensor)
@@ -77,9 +114,7 @@ def sample_home(
     if rng.random() < _LOOKALIKES:
         add_lookalikes(room, rng, view, min(room.walls.back, 5.0))
     furnish_home(room, rng, points, view, min(room.walls.back, 8.0))
-    surfaces = triangulate(room.shapes, rng)
-    scene = render(view, surfaces, persons, seen_by, rng)
-    return add_background(scene, view, surfaces, seen_by, rng) if with_background else scene
+    return Home(view, triangulate(room.shapes, rng), persons, seen_by)
 
 
 def sample_occupant(rng: np.random.Generator) -> Figure:
