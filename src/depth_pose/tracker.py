@@ -25,7 +25,7 @@ from depth_pose.core.progress import loading
 from depth_pose.core.stamps import is_late
 from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.io.calibration import camera_from_info
-from depth_pose.io.clouds import frame_from_cloud
+from depth_pose.io.clouds import BODY_AXES, frame_from_cloud
 from depth_pose.io.depth_unit import INTEGER_UNIT_M, is_indoors, median_depth
 from depth_pose.pipeline import PosePipeline
 
@@ -105,6 +105,7 @@ class Tracker:
         self._last_ns: int | None = None
         self._newest_ns: int | None = None
         self._is_unit_known = depth_scale is not None
+        self._notes: tuple[str, ...] = ()
         self._warned = frozenset[str]()
         self._lock = threading.Lock()
         with ExitStack() as stack:
@@ -146,8 +147,9 @@ class Tracker:
         Warns
         -----
         RuntimeWarning
-            Once where the images look upside down, were resized with interpolation, or are a sparse grid, and
-            where nobody is found for a while, with the most likely cause. Where a frame is late.
+            Once where the images look upside down, were resized with interpolation, or are a sparse grid,
+            where a cloud is in a body frame, and where nobody is found for a while, with the most likely
+            cause. Where a frame is late.
         """
         if not self._lock.acquire(blocking=False):
             raise InputError(
@@ -198,7 +200,7 @@ class Tracker:
 
     def _warn(self) -> None:
         """Issue each new warning about the frames once."""
-        for line in self._pipeline.warnings:
+        for line in (*self._notes, *self._pipeline.warnings):
             if line not in self._warned:
                 self._warned |= {line}
                 warnings.warn(line, RuntimeWarning, stacklevel=4)
@@ -253,7 +255,10 @@ class Tracker:
         scale = self._depth_scale or 1.0
         points = points.astype(np.float32, order="C") * np.float32(scale)
         self._check_unit(points[..., 2], points.dtype, scale)
-        return frame_from_cloud(points, stamp_ns, self._frame_id)
+        frame = frame_from_cloud(points, stamp_ns, self._frame_id)
+        if frame.frame_id != self._frame_id:
+            self._notes = (f"{BODY_AXES}{frame.frame_id}",)
+        return frame
 
     def _to_metres(self, image: NDArray[Any]) -> NDArray[np.float32]:
         if image.dtype.itemsize == 1 and self._depth_scale is None:

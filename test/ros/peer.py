@@ -1,8 +1,11 @@
 """A node of the tests' own: publishes, and keeps what it hears; spun by hand."""
 
+import contextlib
+import fcntl
 import itertools
 import os
 import random
+import tempfile
 import time
 from pathlib import Path
 
@@ -38,11 +41,27 @@ def _own_domains():
 
 
 _DOMAINS = _own_domains()
+_HELD = []
+"""The lock of the domain in use."""
+
+
+def _take_domain():
+    """Take the next domain that no other run of tests on this machine is on; hold it until the next call."""
+    folder = Path(tempfile.gettempdir()) / f"depth_pose_domains_{os.getuid()}"
+    folder.mkdir(exist_ok=True)
+    for number in _DOMAINS:
+        lock = (folder / str(number)).open("w")
+        with contextlib.suppress(BlockingIOError):
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            _HELD[:] = [lock]
+            return number
+        lock.close()
+    raise AssertionError
 
 
 def join_own_domain(monkeypatch):
     """Have this process and its children talk on a domain that nobody else is on; gives its number."""
-    number = next(_DOMAINS)
+    number = _take_domain()
     monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
     monkeypatch.setenv(PROFILE_VARIABLE, str(LOCAL_PROFILE_PATH))
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SYSTEM_DEFAULT")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,8 +13,10 @@ import pytest
 from depth_pose.core.config import PipelineConfig, SegmentConfig
 from depth_pose.core.types import DepthFrame
 from depth_pose.detect.sample_frame import sample_frame
+from depth_pose.io.clouds import R_BODY_OPTICAL
 from depth_pose.pipeline import PosePipeline
 from depth_pose.track.nobody import NobodyWatch
+from depth_pose.tracker import Tracker
 
 FRAME = replace(sample_frame(), depth=np.round(sample_frame().depth, 3))
 RNG = np.random.default_rng(6)
@@ -61,16 +64,16 @@ def test_causes_in_the_image(name: str) -> None:
     assert watch.doubt == ""
 
 
-@pytest.mark.parametrize(
-    ("is_found", "reason", "words"),
-    [
-        (True, "", "no pose fits them"),
-        (False, "outside the zone", "outside segment.zone, 1:2"),
-        (False, "too near or too far", "0.4 to 8 m"),
-        (False, "not sure enough", ""),
-        (False, "", ""),
-    ],
-)
+PEOPLE = [
+    (True, "", "no pose fits them"),
+    (False, "outside the zone", "outside segment.zone, 1:2"),
+    (False, "too near or too far", "0.4 to 8 m"),
+    (False, "not sure enough", ""),
+    (False, "", ""),
+]
+
+
+@pytest.mark.parametrize(("is_found", "reason", "words"), PEOPLE)
 def test_causes_in_the_people(is_found: bool, reason: str, words: str) -> None:
     watch, counts = NobodyWatch(SegmentConfig(zone="1:2")), Counter[str]()
 
@@ -85,6 +88,46 @@ def test_causes_in_the_people(is_found: bool, reason: str, words: str) -> None:
     for _ in range(16):
         look(is_answered=False)
     assert watch.doubt == "", "who was answered before may have left the zone"
+
+
+def test_every_cause_is_in_a_table() -> None:
+    tested = [words for _, _, words in (*IMAGES.values(), *PEOPLE) if words]
+    for cause, words in NobodyWatch(SegmentConfig(zone="1:2", near=0.4, far=8.0)).words.items():
+        is_tested = any(each in words for each in tested) or cause in ("near", "far", "axes")
+        assert is_tested, f"{cause} is in no table"
+
+
+def test_only_people_are_known() -> None:
+    """By the recovery node, which has no depth: found, and never answered."""
+    watch = NobodyWatch()
+    for _ in range(8):
+        assert watch.doubt == ""
+        watch.look(None, is_found=True, is_answered=False, rejected={})
+    assert "no pose fits them" in watch.doubt
+
+
+R_MAP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+"""A camera that looks along y of a room whose z is up."""
+
+
+@pytest.mark.parametrize(
+    ("name", "R", "place", "words"),
+    [
+        ("optical", np.eye(3), (0, 0, 0), ""),
+        ("body", R_BODY_OPTICAL, (0, 0, 0), "the cloud is in a body frame (x forward): it is turned"),
+        ("map", R_MAP, (0.0, 0.0, 1.2), "most points of the cloud lie beside or behind the camera"),
+    ],
+)
+def test_clouds_of_other_axes(bank, name, R, place, words) -> None:
+    """The library's warning; a cloud of a body frame is turned and its person found."""
+    tracker = Tracker(bank)
+    points = FRAME.camera.back_project(FRAME.depth).reshape(-1, 3)
+    cloud = (points[np.isfinite(points).all(axis=1)] @ R.T + place).astype(np.float32)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        found = [tracker(cloud, time=0.04 * k) for k in range(12)]
+    assert any(found) == (name != "map")
+    assert any(words in str(w.message) for w in said) if words else not said
 
 
 @pytest.mark.parametrize(

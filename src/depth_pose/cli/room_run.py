@@ -51,7 +51,7 @@ def run_room(
     from depth_pose.bank import Bank, default_bank_path
     from depth_pose.io.mcap_write import PartlyWritten
     from depth_pose.rooms.fusion import RoomFusion
-    from depth_pose.rooms.offline import misfits, process_room
+    from depth_pose.rooms.offline import correct_clocks, misfits, process_room
     from depth_pose.rooms.watching import Watch, watch_all
 
     bank = bank or default_bank_path()
@@ -62,6 +62,7 @@ def run_room(
             watched = watch_all(recordings, watch, Path(folder), workers, _share_of(len(recordings), update))
         with loading("the bank"):
             fusion = RoomFusion(Bank.load(bank), rig, config)
+        warn(correct_clocks(watched, fusion))
         warn(f"{rig_file}: {line}" for line in misfits(watched, fusion))
         try:
             with progress_bar("the room", sum(len(w.stamps_ns) for w in watched)) as update:

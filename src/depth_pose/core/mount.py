@@ -43,7 +43,8 @@ def rotate_upright(frame: DepthFrame, config: MountConfig) -> DepthFrame:
         return frame
     camera, source, inside = _lookup(frame.camera, config.roll)
     depth = np.where(inside, frame.depth.ravel()[source], np.float32(0.0))
-    return DepthFrame(frame.stamp_ns, frame.frame_id + UPRIGHT, depth, camera, float(inside.mean()))
+    turned_id, filled = frame.frame_id + UPRIGHT, float(inside.mean())
+    return replace(frame, frame_id=turned_id, depth=depth, camera=camera, filled=filled)
 
 
 def sensor_frame(frame_id: str, config: MountConfig) -> str:

@@ -34,6 +34,8 @@ class DepthFrame:
     camera : Camera
     filled : float
         Share of the image that the sensor sees; less than 1 where it was rotated.
+    in_view : float
+        Share of a point cloud's points that lie in view of the camera; 1 of an image.
 
     Raises
     ------
@@ -46,6 +48,7 @@ class DepthFrame:
     depth: NDArray[np.float32]
     camera: Camera
     filled: float = 1.0
+    in_view: float = 1.0
 
     def __post_init__(self) -> None:
         if self.depth.dtype != np.float32:

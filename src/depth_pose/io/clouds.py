@@ -102,14 +102,17 @@ def is_body_frame(points: NDArray[np.floating]) -> bool:
     points : (..., 3) float
         NaN or infinite without a point.
     """
+    return bool(share_in_view(points, 0) > _IN_VIEW and share_in_view(points, 2) < _OUT_OF_VIEW)
+
+
+def share_in_view(points: NDArray[np.floating], axis: int) -> float:
+    """Return the share of a cloud's points (..., 3) in a camera's view along an axis; 0 without points."""
     flat = points.reshape(-1, 3)
     flat = flat[:: max(1, len(flat) // _JUDGED_POINTS)]
-    x, y, z = flat[np.isfinite(flat).all(axis=1) & (flat != 0).any(axis=1)].T
-    if x.size == 0:
-        return False
-    optical = ((np.abs(x) < MAX_TANGENT * z) & (np.abs(y) < MAX_TANGENT * z)).mean()
-    body = ((np.abs(y) < MAX_TANGENT * x) & (np.abs(z) < MAX_TANGENT * x)).mean()
-    return bool(body > _IN_VIEW and optical < _OUT_OF_VIEW)
+    flat = flat[np.isfinite(flat).all(axis=1) & (flat != 0).any(axis=1)]
+    beside = np.delete(flat, axis, axis=1)
+    is_seen = (np.abs(beside) < MAX_TANGENT * flat[:, [axis]]).all(axis=1)
+    return float(is_seen.mean()) if len(flat) else 0.0
 
 
 def camera_from_points(points: NDArray[np.floating]) -> Camera:
@@ -189,6 +192,7 @@ def frame_from_cloud(points: NDArray[np.floating], stamp_ns: int, frame_id: str)
             "cloud has no point with z > 0: its frame must be an optical one (x right, y down, z forward) "
             "or a body frame at the sensor (x forward, y left, z up)"
         )
+    in_view = share_in_view(points, 2)
     if points.ndim == 3 and min(points.shape[:2]) > 1:
         try:
             camera = camera_from_points(points)
@@ -197,6 +201,6 @@ def frame_from_cloud(points: NDArray[np.floating], stamp_ns: int, frame_id: str)
         else:
             depth = points[..., 2].astype(np.float32)
             depth[~(np.isfinite(points).all(axis=2) & (depth > 0))] = 0.0
-            return DepthFrame(stamp_ns, frame_id, depth, camera)
+            return DepthFrame(stamp_ns, frame_id, depth, camera, in_view=in_view)
     depth, camera = project_cloud(flat)
-    return DepthFrame(stamp_ns, frame_id, depth, camera)
+    return DepthFrame(stamp_ns, frame_id, depth, camera, in_view=in_view)

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 _WINDOW_S = 20.0
 """Time constant (s) over which sightings are remembered; set by hand."""
 
-_CORRELATED_S = 0.5
+CORRELATED_S = 0.5
 """Correlation time (s) of the errors of sightings; set by hand."""
 
-_SLOW_M_S = 0.3
+SLOW_M_S = 0.3
 """Minimum speed (m/s) of a person whose sighting is used; set by hand."""
 
-_ENOUGH_S = 5.0
+ENOUGH_S = 5.0
 """Minimum time (s) for which people must have walked; set by hand."""
 
 
@@ -47,9 +47,9 @@ class ClockOffset:
         passed_s : float
             Seconds since the last sighting.
         """
-        weight = min(passed_s, _CORRELATED_S)
+        weight = min(passed_s, CORRELATED_S)
         v, d = velocity[:2], difference[:2]
-        if weight <= 0.0 or math.hypot(*v.tolist()) < _SLOW_M_S:
+        if weight <= 0.0 or math.hypot(*v.tolist()) < SLOW_M_S:
             return
         kept = math.exp(-weight / _WINDOW_S)
         self._vv = kept * self._vv + weight * float(v @ v)
@@ -60,12 +60,12 @@ class ClockOffset:
     @property
     def offset_s(self) -> float:
         """Offset by which the camera's stamps are too large, seconds; 0 before enough is known."""
-        return -self._vd / self._vv if self._walked_s >= _ENOUGH_S else 0.0
+        return -self._vd / self._vv if self._walked_s >= ENOUGH_S else 0.0
 
     @property
     def deviation_s(self) -> float:
         """Standard deviation of the offset, seconds; infinite before enough is known."""
-        if self._walked_s < _ENOUGH_S:
+        if self._walked_s < ENOUGH_S:
             return math.inf
         rest = max(self._dd - self._vd**2 / self._vv, 0.0) / self._walked_s  # of both directions, m^2
-        return math.sqrt(0.5 * rest * _CORRELATED_S / self._vv)
+        return math.sqrt(0.5 * rest * CORRELATED_S / self._vv)

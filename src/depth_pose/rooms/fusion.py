@@ -17,6 +17,7 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.types import Skeleton
 from depth_pose.recover.smooth import low_pass
 from depth_pose.rooms.camera_frame import CameraFrame
+from depth_pose.rooms.clock_course import ClockCourse
 from depth_pose.rooms.merge import place
 from depth_pose.rooms.rig import ROOM_FRAME
 from depth_pose.rooms.rigfile import Rig
@@ -65,10 +66,13 @@ class RoomFusion:
     ----------
     fitted : int
         Number of people in the last answer who were fitted to several cameras.
+    clocks : sequence of ClockCourse
+        How much each camera's stamps are too large, beyond the rig's offset; nothing unless set.
     """
 
     def __init__(self, bank: Bank, rig: Rig, config: PipelineConfig = PipelineConfig()) -> None:
         self.rig = rig
+        self.clocks: Sequence[ClockCourse] = [ClockCourse()] * len(rig.cameras)
         self._places = [camera.T_room_camera for camera in rig.cameras]
         self._smooth = config.smooth
         self._refiner = RoomRefiner(bank, config)
@@ -86,7 +90,8 @@ class RoomFusion:
 
     def room_stamp(self, camera: int, stamp_ns: int) -> int:
         """Return a camera's stamp in the clock of the first one."""
-        return stamp_ns - round(self.rig.clock_offsets[camera] * 1e9)
+        offset_s = self.rig.clock_offsets[camera] + self.clocks[camera].offset_s(stamp_ns)
+        return stamp_ns - round(offset_s * 1e9)
 
     def take(self, camera: int, frame: CameraFrame) -> None:
         """Add a camera's frame and link its people; frames must be in the order of their room stamps.

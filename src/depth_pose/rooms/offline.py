@@ -14,6 +14,7 @@ import numpy as np
 from depth_pose.core.errors import InputError
 from depth_pose.io.mcap_write import SkeletonWriter
 from depth_pose.rooms.camera_frame import CameraFrame
+from depth_pose.rooms.clock_course import ClockCourses
 from depth_pose.rooms.fit_check import FitCheck
 from depth_pose.rooms.fusion import RoomFusion, RoomResult
 from depth_pose.rooms.merge import place
@@ -128,6 +129,16 @@ def process_room(
         fuse_ms=float(np.median(times_ms)),
         leader=fusion.rig.cameras[leader].name,
     )
+
+
+def correct_clocks(watched: Sequence[Watched], fusion: RoomFusion) -> list[str]:
+    """Estimate and set the clocks of the cameras; return a line for each that differs."""
+    courses = ClockCourses([camera.T_room_camera for camera in fusion.rig.cameras])
+    for room_ns, camera, frame in in_order(watched, fusion.room_stamp):
+        courses.add(camera, frame.stamp_ns, room_ns, frame.skeletons)
+    fusion.clocks = courses.courses()
+    names = [camera.name for camera in fusion.rig.cameras]
+    return list(filter(None, (c.line(n, names[0]) for c, n in zip(fusion.clocks, names, strict=True))))
 
 
 def misfits(watched: Sequence[Watched], fusion: RoomFusion) -> list[str]:

@@ -22,6 +22,9 @@ _FEWEST = 8
 _FEW_PIXELS = 0.01
 """Least share of pixels with depth; people who were cut out have .06. Set by hand."""
 
+_IN_VIEW = 0.5
+"""Least share of a cloud's points in view of the camera. Set by hand."""
+
 _SCATTERED = 0.25
 """Share of the pixels with depth in range that are left on the working grid, below which they are scattered.
 Set by hand."""
@@ -44,11 +47,11 @@ class NobodyWatch:
 
     Parameters
     ----------
-    config : SegmentConfig
+    config : SegmentConfig, optional
     """
 
-    def __init__(self, config: SegmentConfig) -> None:
-        self._config = config
+    def __init__(self, config: SegmentConfig | None = None) -> None:
+        self._config = config or SegmentConfig()
         self.reset()
 
     def reset(self) -> None:
@@ -62,13 +65,14 @@ class NobodyWatch:
         self._causes: Counter[str] = Counter()
 
     def look(
-        self, frame: DepthFrame, *, is_found: bool, is_answered: bool, rejected: Mapping[str, int]
+        self, frame: DepthFrame | None, *, is_found: bool, is_answered: bool, rejected: Mapping[str, int]
     ) -> None:
         """Add a frame.
 
         Parameters
         ----------
-        frame : DepthFrame
+        frame : DepthFrame, optional
+            None where only its people are known.
         is_found, is_answered : bool
             Whether a person was found in it, and whether one has a pose.
         rejected : mapping of str to int
@@ -84,7 +88,8 @@ class NobodyWatch:
         if self._frames & (self._frames - 1):
             return
         self._looks += 1
-        cause = self._cause_in_image(frame) or self._cause_in_people(is_found, new)
+        cause = self._cause_in_image(frame) if frame is not None else ""
+        cause = cause or self._cause_in_people(is_found, new)
         if cause:
             self._causes[cause] += 1
 
@@ -99,10 +104,12 @@ class NobodyWatch:
     @property
     def doubt(self) -> str:
         """Why nobody is found, and what to do; empty where there is no cause to see."""
-        return f"nobody is found: {self._words(self.cause)}" if self.cause else ""
+        return f"nobody is found: {self.words[self.cause]}" if self.cause else ""
 
     def _cause_in_image(self, frame: DepthFrame) -> str:
         """Return the name of what is wrong with the depths; empty if nothing is."""
+        if frame.in_view < _IN_VIEW:
+            return "axes"
         depth = frame.depth[::_STEP]
         is_set = np.isfinite(depth) & (depth > 0)
         share = is_set.mean() / frame.filled
@@ -129,7 +136,9 @@ class NobodyWatch:
             return "doubtful"
         return next((reason for reason in ("outside the zone", "too near or too far") if reason in new), "")
 
-    def _words(self, cause: str) -> str:
+    @property
+    def words(self) -> dict[str, str]:
+        """What is said of each cause."""
         c = self._config
         return {
             "few": "less than 1 % of the pixels have depth: the lens may be covered, everything too near or "
@@ -137,6 +146,8 @@ class NobodyWatch:
             "scattered": "the pixels with depth are scattered, and too few lie side by side: fill or filter "
             "the depth at the source",
             "bytes": "the depths look byte-swapped: the images' is_bigendian is wrong",
+            "axes": "most points of the cloud lie beside or behind the camera: give one in an optical frame "
+            "(x right, y down, z forward) or in a body frame at the sensor (x forward, y left, z up)",
             "unit": "the depths look like another unit: a frame has metres, and the median is not between "
             "0.1 and 10",
             "far": f"all depths are beyond segment.far, {c.far:g} m",
@@ -146,7 +157,7 @@ class NobodyWatch:
             f"segment.far, {c.near:g} to {c.far:g} m",
             "doubtful": "people are seen, but no pose fits them: most of them may be hidden, or the camera's "
             "intrinsics wrong",
-        }[cause]
+        }
 
 
 def _is_swapped(depth: NDArray[np.float32], is_set: NDArray[np.bool_]) -> bool:

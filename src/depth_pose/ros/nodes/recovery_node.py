@@ -9,6 +9,7 @@ import sys
 from collections.abc import Sequence
 
 from depth_pose_msgs.msg import FittedArray, People, Skeleton, SkeletonArray
+from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import MarkerArray
 
@@ -29,6 +30,7 @@ from depth_pose.ros.transport.drawing import skeletons_to_markers
 from depth_pose.ros.transport.tf import Transforms, skeletons_to_transforms
 from depth_pose.stages import Shared
 from depth_pose.track.follow import Follower
+from depth_pose.track.nobody import NobodyWatch
 
 
 class RecoveryNode(BankNode):
@@ -38,11 +40,13 @@ class RecoveryNode(BankNode):
     SETTINGS = RECOVERY
 
     def __init__(self) -> None:
+        self._is_doubt_told = False
         super().__init__("recovery")
 
     def make_stage(self, config: PipelineConfig) -> Recoverer:
         """Build the recoverer, and the selection of the followed person."""
         self._follower = Follower(config.follow)
+        self._nobody = NobodyWatch()
         self._space = build_space(self.bank.body)
         return Shared(self.bank, config).make_recoverer()
 
@@ -84,10 +88,22 @@ class RecoveryNode(BankNode):
             self._transforms.publish(skeletons_to_transforms(skeletons, followed, self.value("tf_prefix")))
         if self._rep155 is not None:
             self._rep155.publish(skeletons, people.stamp_ns, frame_id, upright, people.camera)
+        if people.persons:
+            self._nobody.look(None, is_found=True, is_answered=bool(skeletons), rejected={})
         self._note(followed, len(skeletons))
 
+    def judge(self) -> tuple[bytes, str]:
+        """Return the level and the text of this second's diagnostics, with why nobody is answered."""
+        level, words = super().judge()
+        if level == DiagnosticStatus.OK and self.is_active and self._nobody.doubt:
+            return DiagnosticStatus.WARN, self._nobody.doubt
+        return level, words
+
     def _note(self, followed: SkeletonData, people: int) -> None:
-        """Update the values for ``/diagnostics``."""
+        """Update the values for ``/diagnostics``, and log once why nobody is answered."""
+        if self._nobody.doubt and not self._is_doubt_told:
+            self._is_doubt_told = True
+            self.get_logger().warning(self._nobody.doubt)
         self.statistics.counts[f"source {followed.source.name}"] += 1
         self.statistics.values["people"] = people
         self.statistics.values["confidence"] = followed.confidence
