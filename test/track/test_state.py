@@ -4,12 +4,22 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import synthetic as syn
-from depth_pose.core.config import MAX_STAMP_GAP_NS
+from depth_pose.core.config import MAX_STAMP_GAP_NS, SmoothConfig
 from depth_pose.core.stamps import LONGEST_SILENCE_NS
-from depth_pose.track.state import RETURN_NS, Answer, Evidence, PersonState, PersonStates, Shape
+from depth_pose.recover.smooth import low_pass
+from depth_pose.track.state import (
+    RETURN_NS,
+    Answer,
+    Evidence,
+    FilterState,
+    PersonState,
+    PersonStates,
+    Shape,
+)
 
 STEP_NS = 40_000_000
 
@@ -88,6 +98,16 @@ def test_poses_are_forgotten_sooner_than_the_person(people):
         see(states, people, MAX_STAMP_GAP_NS + k * STEP_NS, "body_2")
     (back,) = see(states, people, 2 * MAX_STAMP_GAP_NS + 2 * STEP_NS, "body_1")
     assert back == PersonState(shape=Shape(scale=0.1))
+
+
+@pytest.mark.parametrize("silence_ns", [MAX_STAMP_GAP_NS + 1, LONGEST_SILENCE_NS])
+def test_after_a_silence_of_the_sensor_only_shape_and_id_stay(people, silence_ns):
+    states, filtered = PersonStates(), low_pass(FilterState(), np.zeros((19, 3)), 0, SmoothConfig())
+    filtered = low_pass(filtered, np.full((19, 3), 0.04), STEP_NS, SmoothConfig())
+    assert np.abs(filtered.velocity).max() > 0.1
+    see(states, people, STEP_NS, "body_1")
+    states["body_1"] = marked(0.1)._replace(filter=filtered)
+    assert see(states, people, STEP_NS + silence_ns, "body_1") == [PersonState(shape=Shape(scale=0.1))]
 
 
 def test_a_person_who_is_lost_keeps_shape_and_standing():

@@ -1,9 +1,10 @@
 """State of each track: one plain value a person, which the stages take and return.
 
 This module defines the rules for streams. Everything is forgotten if stamps jump back, or ahead by more than
-half a second (`depth_pose.core.stamps`). The poses of a person who was out of view that long are forgotten,
-and after `RETURN_NS` the person. In one process the stages share the states; live, each node holds its own,
-in which it fills the parts that it computes (docs/method.md has the table).
+`depth_pose.core.stamps.LONGEST_SILENCE_NS`. Pose, filter and evidence of a person who was not seen for half a
+second, in a silence of the sensor too, are forgotten, and after `RETURN_NS` the person. In one process the
+stages share the states; live, each node holds its own, in which it fills the parts that it computes
+(docs/method.md has the table).
 """
 
 from __future__ import annotations
