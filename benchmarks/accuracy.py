@@ -6,6 +6,7 @@
     python benchmarks/accuracy.py builds --people 10             # bone lengths found, against the true ones
     python benchmarks/accuracy.py proposals DATA                 # the answer beside the joint net's joints
     python benchmarks/accuracy.py deviations --check DATA        # the deviations that the joint net states
+    python benchmarks/accuracy.py spread --check DATA            # published covariances and velocities
 
 DATA is a folder of recordings with truth files beside them. ``accuracy.py PART --help`` says more.
 """
@@ -16,5 +17,5 @@ import one_thread  # noqa: F401
 from command_line import run_part
 
 if __name__ == "__main__":
-    parts = ("table1", "ablation", "confidence", "builds", "proposals", "deviations")
+    parts = ("table1", "ablation", "confidence", "builds", "proposals", "deviations", "spread")
     run_part(__doc__, {name: name for name in parts})

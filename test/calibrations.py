@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from depth_pose.core.distortion import distort, distortion_of
 from depth_pose.io import schemas
-from depth_pose.io.distortion import distort, distortion_of
 from depth_pose.io.messages import make, make_header
 
 PLUMB = (-0.25, 0.08, 0.002, -0.001, -0.01)

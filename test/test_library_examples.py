@@ -50,7 +50,7 @@ def test_numpy_array(tmp_path, frame, depth_mm, capsys):
     np.savez(tmp_path / "walk.npz", depth=[depth_mm] * 3, times=times, K=frame.camera.matrix())
     example("numpy_array").main(str(tmp_path / "walk.npz"))
     table = np.load(tmp_path / "walk_skeletons.npy")
-    assert table["id"].tolist() == ["body_1"] * 3
+    assert table["body_id"].tolist() == ["body_1"] * 3
     np.testing.assert_allclose(table["stamp_ns"] * 1e-9, times)
     assert table["positions"].shape == (3, 19, 3)
     assert capsys.readouterr().out.count("left wrist at") == 3

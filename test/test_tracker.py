@@ -6,6 +6,7 @@ import copy
 import doctest
 import json
 import pickle
+import re
 import subprocess
 import sys
 import warnings
@@ -13,12 +14,14 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
+from typing import get_args
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 import depth_pose
-from depth_pose import BankError, Camera, ConfigError, DepthFrame, InputError, JointState, Tracker
+from depth_pose import BankError, Camera, ConfigError, DepthFrame, InputError, JointState, Tracker, Tracking
 from depth_pose.core.errors import DepthPoseError
 from depth_pose.core.types import Skeleton
 from depth_pose.detect.sample_frame import sample_frame
@@ -54,6 +57,7 @@ def frame():
 
 @pytest.fixture(scope="module")
 def person(tracker, frame):
+    tracker.reset()
     (found,) = tracker(frame.depth, frame.camera, time=0.0)
     return found
 
@@ -70,7 +74,7 @@ def test_the_six_lines_of_the_readme_run(frame, bank_path, monkeypatch, capsys):
     assert [line.split()[0] for line in said] == ["body_1", "body_1"]
 
 
-@pytest.mark.parametrize("module", ["core.camera", "core.types", "tracker"])
+@pytest.mark.parametrize("module", ["core.camera", "core.types", "people", "tracker"])
 def test_the_docstrings_examples_run(module, bank_path, monkeypatch):
     monkeypatch.setenv("DEPTH_POSE_BANK", str(bank_path))
     failed, attempted = doctest.testmod(import_module(f"depth_pose.{module}"))
@@ -263,7 +267,6 @@ def test_masked_pixels_have_no_depth(fresh, frame, dtype):
         ({"config": {"segment": 5}}, "segment is 5; it must be a mapping"),
         ({"config": {"segment": {"far": "x"}}}, "segment.far is 'x'"),
         ({"config": {7: {}}}, "no such section: 7"),
-        ({"config": "a.yaml"}, "the settings are 'a.yaml'"),
         ({"bank": 5}, "bank is 5; give a Bank, or the path"),
         ({"depth_scale": "mm"}, "depth_scale is 'mm'"),
         ({"depth_scale": True}, "depth_scale is True"),
@@ -309,7 +312,13 @@ def test_times_are_seconds_or_nanoseconds(fresh, frame, time):
 def test_people_keep_their_ids_until_time_jumps(fresh, frame):
     ids = [fresh(frame.depth, frame.camera, time=t)[0].id for t in (5.0, 5.04, 4.0, 4.04, 9.0)]
     assert ids[0] == ids[1] != ids[2] == ids[3] != ids[4]
-    assert fresh(frame.depth, frame.camera)[0].id not in ids  # without a time: on its own
+
+
+def test_frames_without_a_time_stand_alone_and_do_not_count_ids_up(fresh, frame):
+    for _ in range(3):
+        people = fresh(frame.depth, frame.camera)
+        assert [person.id for person in people] == ["body_1"]
+        assert people[0].tracking is Tracking.NEW and np.isnan(people[0].velocity).all()
 
 
 def test_images_that_are_upside_down_give_one_warning(fresh):
@@ -351,7 +360,185 @@ def test_settings_are_checked(bank):
     assert tracker(sample_frame()) == ()
 
 
+def test_settings_come_from_a_file(bank, tmp_path):
+    (tmp_path / "my.yaml").write_text("segment: {far: 2.0}\n")
+    assert Tracker(bank, str(tmp_path / "my.yaml"), quiet=True)(sample_frame()) == ()
+    (tmp_path / "my.yaml").write_text("segment: {farther: 2.0}\n")
+    with pytest.raises(ConfigError, match="farther"):
+        Tracker(bank, tmp_path / "my.yaml", quiet=True)
+    with pytest.raises(InputError, match=r"no\.yaml cannot be read"):
+        Tracker(bank, tmp_path / "no.yaml", quiet=True)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (np.zeros_like, "less than 1 % of the pixels have depth"),
+        (lambda depth: (100 * depth).astype(np.uint16), "may be centimetres"),
+        (np.negative, "most depths are below 0.*negate them"),
+        (lambda depth: np.divide(1.0, depth, where=depth > 0, out=np.zeros_like(depth)), "inverse depth"),
+    ],
+    ids=["nothing", "centimetres", "negative", "inverse"],
+)
+@pytest.mark.parametrize("with_time", [False, True])
+def test_why_nobody_is_found_is_said_once(fresh, change, says, with_time):
+    fresh._warned = frozenset()
+    camera = Camera(160, 120, 110.0, 110.0, 79.5, 59.5)
+    below = (np.arange(120) - camera.cy)[:, None] / camera.fy
+    room = np.minimum(np.where(below > 0, 1.2 / np.maximum(below, 1e-6), np.inf), 4.0)
+    depth = change(np.broadcast_to(room, (120, 160)).astype(np.float32))
+    with pytest.warns(RuntimeWarning, match=says) as said:
+        for k in range(20):
+            people = fresh(depth, camera, time=k / 30 if with_time else None)
+            assert people == ()
+    assert sum(bool(re.search(says, str(line.message))) for line in said) == 1
+    assert re.search(says, "\n".join(people.warnings))
+
+
 # --- what comes out
+
+
+@pytest.fixture(scope="module")
+def people(tracker, frame):
+    """The second frame, in which everybody has a velocity."""
+    tracker.reset()
+    tracker(frame.depth, frame.camera, time=0.0)
+    return tracker(frame.depth, frame.camera, time=0.04)
+
+
+def test_people_are_a_tuple_with_the_frame_s_results(people, frame):
+    (person,) = people
+    assert isinstance(people, tuple) and people == (person,) and people[0] is person
+    assert person in people and "body_1" in people and "body_7" not in people
+    assert people["body_1"] is person
+    with pytest.raises(KeyError, match="no 'body_7' in this frame; there are body_1"):
+        people["body_7"]
+    assert (people.time, people.frame_id, people.warnings) == (0.04, "camera", ())
+    assert people.camera == frame.camera
+    assert repr(people) == f"<People at 0.040 s: body_1 ({person.confidence:.2f}); floor 1.15 m below>"
+    again = pickle.loads(pickle.dumps(people))
+    assert again == people and again.floor.height == people.floor.height
+    np.testing.assert_array_equal(again.labels, people.labels)
+
+
+def test_the_floor_is_the_frame_s(people):
+    np.testing.assert_allclose(people.floor.plane, [0, -1, 0, 1.15], atol=0.02)
+
+
+def test_labels_are_on_the_image_s_own_grid(people, frame):
+    assert people.labels.shape == frame.depth.shape
+    mask = people.mask("body_1")
+    np.testing.assert_array_equal(mask, people.labels == 1)
+    np.testing.assert_array_equal(mask, people.mask(people[0]))
+    is_person = (frame.depth > 2.8) & (frame.depth < 3.6) & (np.arange(frame.camera.height) < 125)[:, None]
+    assert (mask & is_person).sum() > 0.9 * is_person.sum()
+    assert (mask & ~is_person).sum() < 0.1 * is_person.sum()
+    skipped = depth_pose.People()
+    with pytest.raises(ValueError, match="no labels"):
+        _ = skipped.labels
+
+
+def test_a_distorted_image_gives_the_same_people_and_labels_of_its_own(fresh, frame, person):
+    lens = Camera.from_opencv(frame.camera.matrix(), [-0.25, 0.06, 0.0, 0.0, 0.0], (176, 144))
+    v, u = np.mgrid[:144, :176]
+    rays = np.stack([(u - 87.5) / frame.camera.fx, (v - 71.5) / frame.camera.fy, np.ones(u.shape)], axis=-1)
+    column, row = np.moveaxis(np.rint(lens.project(rays)).astype(int), -1, 0)
+    seen = (column >= 0) & (column < 176) & (row >= 0) & (row < 144)
+    distorted = np.zeros_like(frame.depth)
+    distorted[row[seen], column[seen]] = frame.depth[seen]
+    (found,) = people = fresh(distorted, lens)
+    assert np.linalg.norm(found.positions - person.positions, axis=1).mean() < 0.02
+    assert people.labels.shape == distorted.shape
+    pixels = np.rint(found.pixels(lens)).astype(int)[found.joint_states == JointState.SEEN]
+    assert people.mask("body_1")[pixels[:, 1], pixels[:, 0]].mean() > 0.9
+
+
+def test_a_skeleton_is_a_collection_of_joints(people):
+    person = people[0]
+    assert "left_wrist" in person and "left_hand" not in person and 7 not in person
+    assert [joint.name for joint in person] == list(depth_pose.JOINTS) == list(get_args(depth_pose.JointName))
+    assert len(person) == 19 and bool(person)
+    lost = Skeleton.lost(0, "camera")
+    assert len(lost) == 0 and not lost and "head" not in lost and list(lost) == []
+    assert person == replace(person, positions=person.positions.copy()) and hash(person) == hash(
+        person.at(40_000_000)
+    )
+    assert person != replace(person, positions=person.positions + 1e-9) and person != 3
+    assert re.fullmatch(
+        r"<Skeleton body_1 at 0\.040 s: REFINED, confidence 0\.\d\d, centre \(.*\) m, 1\d of 19 joints seen>",
+        repr(person),
+    )
+
+
+def test_a_person_has_motion_and_place_in_space_and_image(people, frame):
+    person = people[0]
+    assert person.tracking is Tracking.TRACKED
+    assert np.abs(person.velocities).max() < 0.1  # the same image twice
+    np.testing.assert_array_equal(person["head"].velocity, person.velocities[4])
+    assert (np.linalg.eigvalsh(person.covariances) > 0.0).all()
+    np.testing.assert_array_equal(person["head"].covariance, person.covariances[4])
+    assert abs(person.centre[2] - 3.2) < 0.1
+    np.testing.assert_array_equal(person.pixels(frame.camera), frame.camera.project(person.positions))
+    rows, columns = np.nonzero(people.mask(person))
+    left, top, right, bottom = person.box_in(frame.camera)
+    np.testing.assert_allclose(
+        [left, top, right, bottom], [columns.min(), rows.min(), columns.max(), rows.max()], atol=5
+    )
+    points = frame.camera.back_project(frame.depth)[people.mask(person) & (frame.depth < 3.6)]
+    points = points[points[:, 1] < 1.0]  # the floor is 15 cm below the feet
+    low, high = person.box
+    np.testing.assert_allclose(low[:2], points.min(axis=0)[:2], atol=0.08)
+    np.testing.assert_allclose(high[:2], points.max(axis=0)[:2], atol=0.08)
+    assert np.isnan(person.at(0).turned(np.eye(3), np.array([9.0, 0, 0]), "").box_in(frame.camera)).all()
+
+
+def test_a_turned_skeleton_turns_all_of_it(people):
+    person = people[0]
+    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    turned = person.turned(turn, np.array([1.0, 2, 3]), "room")
+    np.testing.assert_allclose(turned.centre, turn @ person.centre + [1, 2, 3])
+    np.testing.assert_allclose(turned.velocity, turn @ person.velocity)
+    np.testing.assert_allclose(turned.covariances[3], turn @ person.covariances[3] @ turn.T)
+    assert turned.frame_id == "room"
+
+
+def test_people_are_drawn(people, frame):
+    picture = depth_pose.draw(frame.depth, people)
+    assert picture.shape == (144, 176, 3) and picture.dtype == np.uint8
+    orange = (np.abs(picture.astype(int) - [240, 138, 36]).sum(axis=2) < 90).sum()
+    assert orange > 30  # the left arm and leg
+    in_millimetres = depth_pose.draw((1000 * frame.depth).round().astype(np.uint16), people)
+    assert np.abs(in_millimetres.astype(int) - picture).max() <= 2
+    with pytest.raises(InputError, match="needs the camera"):
+        depth_pose.draw(frame.depth, tuple(people))
+    with pytest.raises(InputError, match="shape"):
+        depth_pose.draw(frame.depth[:100], people)
+    nobody = depth_pose.draw(frame.depth, (), frame.camera)
+    assert (np.abs(nobody.astype(int) - [240, 138, 36]).sum(axis=2) < 90).sum() == 0
+
+
+def test_people_have_a_picture_in_notebooks_and_plots(people, monkeypatch):
+    for shown in (people, people[0]):
+        page = shown._repr_html_()
+        drawn = ElementTree.fromstring(page)
+        assert len(drawn.findall(".//{*}line")) == 18
+        assert repr(shown) in "".join(drawn.itertext())
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    axes = people.plot()
+    assert len(axes.lines) == 18
+    assert people[0].plot(axes) is axes and len(axes.lines) == 36
+
+
+def test_joints_of_everybody_are_one_table(people):
+    from depth_pose.core.tables import COLUMNS
+
+    table = people.to_pandas()
+    assert list(table.columns) == list(COLUMNS[1:])
+    assert table.equals(people[0].to_pandas()) and len(table) == 19
+    assert len(depth_pose.People().to_pandas()) == 0
+    made = json.loads(json.dumps(people.to_dict()))
+    assert made["people"][0] == people[0].to_dict()
+    assert made["floor"]["height"] == people.floor.height
 
 
 def test_joints_are_found_by_name(person):
@@ -371,7 +558,8 @@ def test_joints_are_found_by_name(person):
 
 def test_skeletons_become_dictionaries_records_and_tables(person):
     made = json.loads(json.dumps(person.to_dict()))
-    assert made["id"] == person.id
+    assert made["body_id"] == person.id
+    assert made["velocity"] is None and made["tracking"] == "NEW"
     assert made["joints"]["head"]["position"] == person["head"].position.tolist()
     assert made["joints"]["head"]["state"] == person["head"].state.name
     rows = np.array([person.to_record(), Skeleton.lost(7, "camera").to_record()])

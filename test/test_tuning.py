@@ -10,8 +10,8 @@ import pytest
 import yaml
 
 from command import Done, caller
-from depth_pose.cli.console import read_settings
 from depth_pose.core.config import PipelineConfig
+from depth_pose.core.settings_file import read_settings
 from depth_pose.tuning import Tuning
 from depth_pose.volume.tuning import VolumeTuning
 

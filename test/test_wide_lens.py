@@ -6,9 +6,8 @@ import numpy as np
 
 import synthetic as syn
 from calibrations import AZURE
-from depth_pose.core.camera import Camera
-from depth_pose.io.calibration import Lens
-from depth_pose.io.distortion import OPENCV
+from depth_pose.core.camera import Camera, Lens
+from depth_pose.core.distortion import OPENCV
 from depth_pose.pipeline import PosePipeline
 from wide_scene import lens_frame
 

@@ -6,10 +6,9 @@ import numpy as np
 
 import synthetic as syn
 from calibrations import undistort
-from depth_pose.core.camera import Camera
+from depth_pose.core.camera import Camera, Lens
 from depth_pose.core.skeleton import JOINT_NODES
 from depth_pose.core.types import DepthFrame
-from depth_pose.io.calibration import Lens
 from depth_pose.io.rectification import rectify_depth
 
 FINE = 2

@@ -15,12 +15,20 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from depth_pose.core.camera import Camera
+    from depth_pose.bank.bank import Bank
+    from depth_pose.core.camera import Camera, Lens
+    from depth_pose.core.config import PipelineConfig
     from depth_pose.core.errors import BankError, ConfigError, DepthPoseError, InputError
-    from depth_pose.core.skeleton import BONES, JOINTS, JointState
+    from depth_pose.core.skeleton import BONES, JOINTS, JointName, JointState, Source, Tracking
     from depth_pose.core.types import DepthFrame, Joint, Skeleton
+    from depth_pose.detect.floor import Floor
+    from depth_pose.evaluate.drawing import draw
     from depth_pose.io.mcap_read import read_frames as read_recording
+    from depth_pose.io.messages import SkeletonsMessage
     from depth_pose.io.skeleton_read import read_people as read_skeletons
+    from depth_pose.people import People
+    from depth_pose.senders.osc import OscSender
+    from depth_pose.senders.websocket import WebSocketSender
     from depth_pose.tracker import Tracker
 
 __version__ = "0.2.0"
@@ -28,27 +36,47 @@ __version__ = "0.2.0"
 __all__ = [
     "BONES",
     "JOINTS",
+    "Bank",
     "BankError",
     "Camera",
     "ConfigError",
     "DepthFrame",
     "DepthPoseError",
+    "Floor",
     "InputError",
     "Joint",
+    "JointName",
     "JointState",
+    "Lens",
+    "OscSender",
+    "People",
+    "PipelineConfig",
     "Skeleton",
+    "SkeletonsMessage",
+    "Source",
     "Tracker",
+    "Tracking",
+    "WebSocketSender",
+    "draw",
     "read_recording",
     "read_skeletons",
 ]
 
 _PLACES = {
-    "core.camera": ("Camera",),
+    "bank.bank": ("Bank",),
+    "core.camera": ("Camera", "Lens"),
+    "core.config": ("PipelineConfig",),
     "core.errors": ("BankError", "ConfigError", "DepthPoseError", "InputError"),
-    "core.skeleton": ("BONES", "JOINTS", "JointState"),
+    "core.skeleton": ("BONES", "JOINTS", "JointName", "JointState", "Source", "Tracking"),
     "core.types": ("DepthFrame", "Joint", "Skeleton"),
+    "detect.floor": ("Floor",),
+    "evaluate.drawing": ("draw",),
     "io.mcap_read": ("read_frames",),
+    "io.messages": ("SkeletonsMessage",),
     "io.skeleton_read": ("read_people",),
+    "people": ("People",),
+    "senders.osc": ("OscSender",),
+    "senders.websocket": ("WebSocketSender",),
     "tracker": ("Tracker",),
 }
 _OTHER_NAMES = {"read_recording": "read_frames", "read_skeletons": "read_people"}

@@ -18,6 +18,9 @@ from depth_pose.io.mcap_write import SkeletonWriter
 if TYPE_CHECKING:
     from depth_pose.passes import Gain, SecondPass
 
+_LONGEST_PAUSE_S = 2.0
+"""Longest gap of a recording that is played as a pause, seconds. Set by hand."""
+
 NOTE = "depth_pose"
 """Name of the metadata record with the provenance of an output."""
 
@@ -111,6 +114,7 @@ def process_recording(
     *,
     markers: bool = False,
     second: SecondPass | None = None,
+    tell: Callable[[Any], None] | None = None,
 ) -> RunSummary:
     """Run the pipeline over a recording and write its skeletons.
 
@@ -134,6 +138,8 @@ def process_recording(
         Whether to write standard markers as well, for viewers that do not support skeletons.
     second : SecondPass, optional
         Processes the recording backwards, and combines the results of both passes.
+    tell : callable, optional
+        Called with each frame's result, as soon as it is known; not for two passes.
 
     Raises
     ------
@@ -150,6 +156,8 @@ def process_recording(
     first = _Answers(reader, pipeline, progress)
     with SkeletonWriter(output, only_whole=note is not None) as writer:
         for result in first if second is None else second.run(first, first.count):
+            if tell is not None:
+                tell(result)
             followed, everybody = result.skeleton, result.skeletons
             writer.write_people(everybody, followed.stamp_ns, followed.frame_id)
             writer.write(followed)
@@ -180,6 +188,43 @@ def process_recording(
         if note is not None:
             writer.write_metadata(NOTE, note(summary))
     return summary
+
+
+class Paced:
+    """A recording's frames no sooner than their stamps say, as a sensor sends them.
+
+    Parameters
+    ----------
+    reader : Reader
+    """
+
+    def __init__(self, reader: Reader) -> None:
+        self._reader = reader
+
+    def __iter__(self) -> Iterator[Any]:
+        """Yield the frames in their order; waits before those that are not due."""
+        start_s: float | None = None
+        for frame in self._reader:
+            due_s, now_s = frame.stamp_ns * 1e-9, time.monotonic()
+            if start_s is None or not 0.0 <= due_s - (now_s - start_s) <= _LONGEST_PAUSE_S:
+                start_s = now_s - due_s  # the first frame; one that is late; a gap
+            time.sleep(due_s - (now_s - start_s))
+            yield frame
+
+    @property
+    def path(self) -> Path:
+        """The recording's file or folder."""
+        return self._reader.path
+
+    @property
+    def dropped(self) -> int:
+        """Frames that could not be used."""
+        return self._reader.dropped
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """Problems, one line each."""
+        return self._reader.warnings
 
 
 class _Answers:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.errors import InputError
+from depth_pose.core.skeleton import Tracking
 from depth_pose.core.types import Skeleton
 from depth_pose.pipeline import FrameResult, PosePipeline
 from depth_pose.track.packed_people import pack_people, unpack_people
@@ -117,7 +118,7 @@ class SecondPass:
             unanswered, doubtful = pipeline.unanswered, pipeline.recoverer.doubtful
             for people in spool.played_back():
                 again = pipeline.answer(people).skeletons
-                backward.append([s.at(spool.time_of(people.stamp_ns)) for s in again])
+                backward.append([_played(s, spool.time_of(people.stamp_ns)) for s in again])
                 progress()
         everybody, self.gain = join([one.skeletons for one in forward], backward[::-1])
         answered = sum(
@@ -196,7 +197,9 @@ def join(
             assert chosen is not None, "the path uses frames with an answer"
             added += pair[0] is None
             replaced += choice == 1 and other is not None
-            answers[n][body_id] = chosen if other is None else _mean(chosen, other)
+            joined = chosen if other is None else _mean(chosen, other)
+            tracking = Tracking.TRACKED if pair[0] is None else pair[0].tracking
+            answers[n][body_id] = replace(joined, tracking=tracking)
     everybody = [tuple(frame.values()) for frame in answers]
     first = _confidence(forward)
     return everybody, Gain(sum(map(len, everybody)), added, replaced, (first, _confidence(everybody)))
@@ -234,7 +237,16 @@ def _mean(chosen: Skeleton, other: Skeleton) -> Skeleton:
     """Return the mean of two results, joint by joint; the farther the other is, the less weight it has."""
     apart: NDArray[np.float64] = other.positions - chosen.positions
     near = 1.0 / (1.0 + (apart**2).sum(axis=1) / _SAME_M**2)
-    return replace(chosen, positions=chosen.positions + (near / (1.0 + near))[:, None] * apart)
+    share = (near / (1.0 + near))[:, None]
+    velocities = chosen.velocities if len(chosen.velocities) else other.velocities
+    if len(chosen.velocities) and len(other.velocities):
+        velocities = velocities + share * (other.velocities - velocities)
+    return replace(chosen, positions=chosen.positions + share * apart, velocities=velocities)
+
+
+def _played(skeleton: Skeleton, stamp_ns: int) -> Skeleton:
+    """Return a skeleton that was found backwards, at its time in the recording."""
+    return replace(skeleton.at(stamp_ns), velocities=-skeleton.velocities)
 
 
 def _confidence(frames: Sequence[Sequence[Skeleton]]) -> float:

@@ -20,8 +20,9 @@ from depth_pose.bank.bank import Bank, default_bank_path
 from depth_pose.body.pose import Fitted
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.kernels import is_compiled
-from depth_pose.core.mount import rotate_to_sensor, rotate_upright
+from depth_pose.core.mount import rotate_to_sensor, rotate_upright, rotation_sensor_upright
 from depth_pose.core.types import DepthFrame, PoseMatch, Skeleton
+from depth_pose.detect.floor import Floor
 from depth_pose.detect.input_repair import InputRepair
 from depth_pose.perception import Perception
 from depth_pose.stages import Shared
@@ -37,13 +38,27 @@ _one_thread = ThreadpoolController().wrap(limits=1)
 
 @dataclass(frozen=True)
 class FrameResult:
-    """Results of all stages for one frame; ``skeletons`` has all people, ``skeleton`` the followed one."""
+    """Results of all stages for one frame.
+
+    Attributes
+    ----------
+    people : FramePeople
+    matches : tuple of PoseMatch
+    refined : tuple of Fitted
+    skeletons : tuple of Skeleton
+        All people, sensor's frame.
+    skeleton : Skeleton
+        The followed one.
+    floor : Floor or None
+        The floor, sensor's frame, if it is known.
+    """
 
     people: FramePeople
     matches: tuple[PoseMatch, ...]
     refined: tuple[Fitted, ...]
     skeletons: tuple[Skeleton, ...]
     skeleton: Skeleton
+    floor: Floor | None
 
 
 class PosePipeline:
@@ -130,7 +145,11 @@ class PosePipeline:
                 skeletons.append(rotate_to_sensor(skeleton, self._mount))
         self.unanswered += bool(people.persons and not skeletons)
         followed = self.follower.choose(skeletons, people.stamp_ns, people.frame_id)
-        return FrameResult(people, tuple(matches), tuple(refined), tuple(skeletons), followed)
+        floor = None
+        if people.floor.any():
+            floor = Floor(people.floor[:3], float(people.floor[3]))
+            floor = floor.turned(rotation_sensor_upright(self._mount.roll))
+        return FrameResult(people, tuple(matches), tuple(refined), tuple(skeletons), followed, floor)
 
     def reset(self) -> None:
         """Forget all earlier frames; counters continue."""
@@ -145,13 +164,20 @@ class PosePipeline:
         """Warnings about the frames since the last reset, one line each."""
         return (*self._repair.warnings, *filter(None, [self._orientation.doubt, self._nobody.doubt]))
 
-    def restart(self) -> None:
+    def restart(self, *, single: bool = False) -> None:
         """Forget all earlier frames and people's ids, as if new; counters continue.
 
         In contrast, `reset` never reuses an id.
+
+        Parameters
+        ----------
+        single : bool
+            Whether the next frame stands alone: why nobody is in it is told at once.
         """
         self.reset()
         self.perception.restart()
+        if single:
+            self._nobody.reset(fewest=1)
 
     @contextmanager
     def keeping_builds(self) -> Iterator[None]:

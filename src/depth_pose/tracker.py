@@ -18,16 +18,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from depth_pose.bank.bank import Bank, default_bank_path
-from depth_pose.core.camera import Camera
+from depth_pose.core.camera import Camera, Lens
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.progress import loading
+from depth_pose.core.settings_file import read_settings
 from depth_pose.core.stamps import is_late
-from depth_pose.core.types import DepthFrame, Skeleton
+from depth_pose.core.types import DepthFrame
 from depth_pose.io.calibration import camera_from_info
 from depth_pose.io.clouds import BODY_AXES, frame_from_cloud
 from depth_pose.io.depth_unit import INTEGER_UNIT_M, is_indoors, median_depth
+from depth_pose.io.rectification import rectify_depth
+from depth_pose.people import People
 from depth_pose.pipeline import PosePipeline
+from depth_pose.track.label_image import LabelImage
 
 _LEAST_STEP_NS = 100_000
 """Integer times closer than this (10 kHz) are frame numbers or other units, not nanoseconds. Set by hand."""
@@ -35,6 +39,9 @@ _LEAST_STEP_NS = 100_000
 
 _MOST_S = 9e9
 """Latest time (s): what 64 bits of nanoseconds hold."""
+
+_MOST_CENTIMETRES = 800.0
+"""Largest median of depths that may be centimetres. Set by hand."""
 
 _LEAST_SECONDS = 0.005
 """Maximum step (s) of a floating-point time. Set by hand."""
@@ -52,8 +59,9 @@ class Tracker:
     ----------
     bank : Bank or path, optional
         Exemplar bank; by default the one that comes with the package, or that ``$DEPTH_POSE_BANK`` names.
-    config : PipelineConfig or mapping, optional
-        Settings by step, for instance ``{"segment": {"far": 4.0, "most_people": 2}}``.
+    config : PipelineConfig, mapping or path, optional
+        Settings by step, for instance ``{"segment": {"far": 4.0, "most_people": 2}}``; or a file of them,
+        YAML or JSON, as ``depth-pose settings`` prints it.
     depth_scale : float, optional
         Metres per unit of the depth. By default integers are millimetres and floats are metres, and an
         image with implausible values is rejected; with a scale given every value is accepted.
@@ -74,9 +82,8 @@ class Tracker:
     >>> from depth_pose.detect.sample_frame import sample_frame
     >>> frame = sample_frame()  # a person in front of a wall, 176 x 144, metres
     >>> tracker = Tracker(quiet=True)
-    >>> (person,) = tracker(frame.depth, frame.camera, time=0.0)
-    >>> person.id
-    'body_1'
+    >>> people = tracker(frame.depth, frame.camera, time=0.0)
+    >>> person = people["body_1"]
     >>> bool(abs(person["pelvis"].position[2] - 3.2) < 0.1)
     True
     >>> (same,) = tracker((1000 * frame.depth).astype("uint16"), frame.camera, time=0.04)
@@ -87,7 +94,7 @@ class Tracker:
     def __init__(
         self,
         bank: Bank | Path | str | None = None,
-        config: PipelineConfig | Mapping[str, Mapping[str, Any]] | None = None,
+        config: PipelineConfig | Mapping[str, Mapping[str, Any]] | Path | str | None = None,
         *,
         depth_scale: float | None = None,
         frame_id: str = "camera",
@@ -99,14 +106,16 @@ class Tracker:
             raise ConfigError(f"frame_id is {frame_id!r}; it is the name of the optical frame")
         if not (bank is None or isinstance(bank, (Bank, Path, str))):
             raise ConfigError(f"bank is {bank!r:.80}; give a Bank, or the path of one")
+        if isinstance(config, (Path, str)):
+            config = read_settings(Path(config))
         if not isinstance(config, PipelineConfig):
             config = PipelineConfig.from_mapping(config or {})
-        self._depth_scale, self._frame_id = depth_scale, frame_id
+        self._depth_scale, self._frame_id, self._mount = depth_scale, frame_id, config.mount
         self._last_ns: int | None = None
         self._newest_ns: int | None = None
         self._is_unit_known = depth_scale is not None
-        self._notes: tuple[str, ...] = ()
         self._warned = frozenset[str]()
+        self._notes: tuple[str, ...] = ()
         self._lock = threading.Lock()
         with ExitStack() as stack:
             if not quiet:
@@ -117,8 +126,8 @@ class Tracker:
             self._pipeline.warm_up()
 
     def __call__(
-        self, depth: ArrayLike | DepthFrame, camera: Camera | None = None, *, time: float | None = None
-    ) -> tuple[Skeleton, ...]:
+        self, depth: ArrayLike | DepthFrame, camera: Camera | Lens | None = None, *, time: float | None = None
+    ) -> People:
         """Find the skeletons of all people in the next frame.
 
         Parameters
@@ -127,17 +136,20 @@ class Tracker:
             A depth image, distance along the optical axis: integer millimetres or float metres, 0 or NaN
             where nothing returned. Or a point cloud in the optical frame (x right, y down, z forward),
             metres. Or a frame of `depth_pose.read_recording`, which has its own camera and time.
-        camera : Camera
-            The camera of a depth image; a cloud has none.
+        camera : Camera or Lens
+            The camera of a depth image; a cloud has none. With a `Lens`, as `Camera.from_opencv` gives it,
+            the distortion is removed.
         time : float or int, optional
             Seconds (float) or nanoseconds (int) of any clock. Frames that are late by at most 0.5 s are
             skipped with a warning. After more than 0.5 s poses are estimated anew; where time goes back, or
-            ahead by more than 2 s, everybody is new. Without a time, the frame is processed by itself.
+            ahead by more than 2 s, everybody is new. Without a time, the frame is processed by itself, and
+            ids begin at ``body_1`` again.
 
         Returns
         -------
-        tuple of Skeleton
-            Everybody in view; empty if there is nobody.
+        People
+            Everybody in view, a tuple of `Skeleton`; empty if there is nobody. With floor, labels and
+            warnings of the frame.
 
         Raises
         ------
@@ -148,8 +160,8 @@ class Tracker:
         -----
         RuntimeWarning
             Once where the images look upside down, were resized with interpolation, or are a sparse grid,
-            where a cloud is in a body frame, and where nobody is found for a while, with the most likely
-            cause. Where a frame is late.
+            where a cloud is in a body frame, and where nobody is found for a while (in a frame by itself: at
+            once), with the most likely cause. Where a frame is late.
         """
         if not self._lock.acquire(blocking=False):
             raise InputError(
@@ -162,8 +174,9 @@ class Tracker:
             self._lock.release()
 
     def _track(
-        self, depth: ArrayLike | DepthFrame, camera: Camera | None, time: float | None
-    ) -> tuple[Skeleton, ...]:
+        self, depth: ArrayLike | DepthFrame, camera: Camera | Lens | None, time: float | None
+    ) -> People:
+        lens = camera if isinstance(camera, Lens) and camera.model else None
         if isinstance(depth, DepthFrame):
             if camera is not None or time is not None:
                 raise InputError("a DepthFrame has its own camera and time: give it alone")
@@ -171,12 +184,24 @@ class Tracker:
             self._check_unit(frame.depth, frame.depth.dtype, 1.0)
         else:
             values = np.ma.filled(depth, 0) if np.ma.isMaskedArray(depth) else np.asarray(depth)
-            frame = self._make_frame(values, camera, self._stamp(time))
+            pinhole = camera.camera if isinstance(camera, Lens) else camera
+            frame = self._make_frame(values, pinhole, self._stamp(time))
+            if lens is not None:
+                ideal = rectify_depth(frame.depth, lens)
+                frame = replace(frame, depth=ideal.depth, camera=ideal.camera, filled=ideal.filled)
         if self._is_late(frame.stamp_ns):
-            return ()
-        skeletons = self._pipeline.process_frame(frame).skeletons
+            return People((), frame.stamp_ns, frame.frame_id, lens or frame.camera)
+        result = self._pipeline.process_frame(frame)
         self._warn()
-        return skeletons
+        return People(
+            result.skeletons,
+            frame.stamp_ns,
+            frame.frame_id,
+            lens or frame.camera,
+            result.floor,
+            self._doubts,
+            LabelImage.of(result.people, frame, self._mount, lens),
+        )
 
     def __reduce__(self) -> NoReturn:
         """Refuse to be pickled."""
@@ -185,7 +210,11 @@ class Tracker:
     def reset(self) -> None:
         """Forget all earlier frames; people get new ids."""
         self._pipeline.reset()
+        self._forget()
+
+    def _forget(self) -> None:
         self._last_ns = self._newest_ns = None
+        self._notes = ()
 
     def _is_late(self, stamp_ns: int) -> bool:
         """Check whether a frame is a little older than one before, and warn if it is."""
@@ -198,9 +227,14 @@ class Tracker:
         self._newest_ns = stamp_ns
         return False
 
+    @property
+    def _doubts(self) -> tuple[str, ...]:
+        """Warnings about the frames since the last reset."""
+        return (*self._notes, *self._pipeline.warnings)
+
     def _warn(self) -> None:
         """Issue each new warning about the frames once."""
-        for line in (*self._notes, *self._pipeline.warnings):
+        for line in self._doubts:
             if line not in self._warned:
                 self._warned |= {line}
                 warnings.warn(line, RuntimeWarning, stacklevel=4)
@@ -208,7 +242,8 @@ class Tracker:
     def _stamp(self, time: float | None) -> int:
         """Convert a time to nanoseconds."""
         if time is None:
-            self.reset()
+            self._pipeline.restart(single=True)
+            self._forget()
             return 0
         if isinstance(time, (bool, np.bool_)) or not isinstance(time, (int, float, np.integer, np.floating)):
             raise InputError(f"time is {time!r}; give seconds as a float, or nanoseconds as an int")
@@ -268,6 +303,8 @@ class Tracker:
             )
         scale = self._depth_scale or (1.0 if image.dtype.kind == "f" else INTEGER_UNIT_M)
         depth = image.astype(np.float32, order="C") * np.float32(scale)
+        if _is_negative(depth):
+            self._notes = ("most depths are below 0 and count as missing: negate them if z points backward",)
         depth[~(np.isfinite(depth) & (depth > 0))] = 0.0
         self._check_unit(depth, image.dtype, scale)
         return depth
@@ -279,6 +316,13 @@ class Tracker:
         if not is_indoors(median):
             raise InputError(_wrong_unit(median, dtype, scale))
         self._is_unit_known = True
+
+
+def _is_negative(depth: NDArray[np.float32]) -> bool:
+    """Whether most of the depths that are there are below 0, and not all the same: a mark of holes."""
+    below = depth[np.isfinite(depth) & (depth < 0.0)]
+    measured = np.count_nonzero(np.isfinite(depth) & (depth != 0.0))
+    return bool(2 * below.size > measured and np.ptp(below) > 0.0)
 
 
 def _is_number(value: Any) -> bool:
@@ -309,6 +353,8 @@ def _wrong_unit(median_m: float, dtype: np.dtype[Any], scale: float) -> str:
         unit, example = "millimetres", "depth_scale=0.0002 for 1/5 mm"
     elif 100.0 <= value <= 2e4:
         unit, example = "metres", "depth_scale=0.001: these look like millimetres"
+        if value < _MOST_CENTIMETRES:
+            example += ", or like centimetres (0.01)"
     else:
         unit, example = "metres", "depth_scale=0.001 for millimetres"
     return (

@@ -26,9 +26,9 @@ from depth_pose.body.build_file import KnownBuild, load_build, save_build
 from depth_pose.body.files import load_body, save_body
 from depth_pose.body.gltf import load_gltf_body
 from depth_pose.body.procedural import make_body
-from depth_pose.cli.console import read_settings
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import PipelineConfig
+from depth_pose.core.settings_file import read_settings
 from depth_pose.core.skeleton import JOINTS
 from depth_pose.evaluate.score2d import load_reference
 from depth_pose.evaluate.truth import load_known_people

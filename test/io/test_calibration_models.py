@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from calibrations import AZURE, bad_cases, good_cases, make_info, plane_depth, undistort
-from depth_pose.core.camera import Camera
+from depth_pose.core.camera import Camera, Lens
+from depth_pose.core.distortion import OPENCV, largest_radius
 from depth_pose.core.errors import InputError
 from depth_pose.io import schemas
-from depth_pose.io.calibration import Lens, lens_of_image
-from depth_pose.io.distortion import OPENCV, largest_radius
+from depth_pose.io.calibration import lens_of_image
 from depth_pose.io.mcap_read import make_frame
 from depth_pose.io.messages import read_message, write_image
 from depth_pose.io.rectification import rectify_depth

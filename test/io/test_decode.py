@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from depth_pose.core.camera import Camera
+from depth_pose.core.camera import Camera, Lens
+from depth_pose.core.distortion import OPENCV, distort, distortion_of
 from depth_pose.core.errors import InputError
-from depth_pose.io.calibration import Lens, camera_from_info
+from depth_pose.core.image_size import MAX_PIXELS
+from depth_pose.io.calibration import camera_from_info
 from depth_pose.io.clouds import R_BODY_OPTICAL, camera_from_points, decode_points, frame_from_cloud
-from depth_pose.io.decode import MAX_PIXELS, decode_depth, is_order_wrong
-from depth_pose.io.distortion import OPENCV, distort, distortion_of
+from depth_pose.io.decode import decode_depth, is_order_wrong
 from depth_pose.io.rectification import rectify_depth
 
 K = (225.0, 0.0, 87.5, 0.0, 225.0, 71.5, 0.0, 0.0, 1.0)

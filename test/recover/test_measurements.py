@@ -7,7 +7,7 @@ import pytest
 
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINTS, MIRROR_JOINTS
-from depth_pose.recover.measurements import weigh_joints
+from depth_pose.recover.measurements import covariances, weigh_joints
 
 RNG = np.random.default_rng(0)
 FITTED = RNG.normal(0.0, 0.4, (len(JOINTS), 3)) + [0.0, 0.0, 3.0]
@@ -64,3 +64,18 @@ def test_without_proposals_the_fit_is_all():
     measured = weigh_joints(FITTED, 0.7, EVEN, None)
     assert measured.joints is FITTED
     assert not measured.share.any()
+
+
+def test_covariances_are_those_of_the_mean():
+    """The plain formula, with matrices."""
+    proposed = FITTED + [0.1, -0.05, 0.08]
+    measured = weigh_joints(FITTED, 0.6, EVEN, found(proposed, 0.04, 0.15))
+    of_fit = (0.01**2 + (0.3 * 0.35) ** 2 + 0.07**2) * np.eye(3)
+    computed = covariances(proposed, measured.variance)
+    for place, covariance in zip(proposed, computed, strict=True):
+        ray = np.outer(place, place) / (place @ place)
+        of_net = (0.04**2 + 0.02**2) * (np.eye(3) - ray) + (0.15**2 + 0.02**2) * ray
+        expected = np.linalg.inv(np.linalg.inv(of_fit) + np.linalg.inv(of_net))
+        np.testing.assert_allclose(covariance, expected, atol=1e-9)
+    alone = covariances(FITTED, weigh_joints(FITTED, 0.6, EVEN, None).variance)
+    np.testing.assert_allclose(alone, np.broadcast_to(of_fit, (19, 3, 3)), atol=1e-12)

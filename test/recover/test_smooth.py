@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from depth_pose.core.config import SmoothConfig
-from depth_pose.recover.smooth import low_pass
+from depth_pose.core.skeleton import Tracking
+from depth_pose.recover.smooth import low_pass, with_motion
 from depth_pose.track.state import FilterState
+from skeletons import make_skeleton
 
 STEP_NS = 40_000_000
 
@@ -71,3 +73,24 @@ def test_stamps_that_do_not_increase_begin_anew(stamp_ns) -> None:
 def test_disabled_changes_nothing() -> None:
     frames = np.random.default_rng(3).normal(size=(5, 19, 3))
     np.testing.assert_array_equal(run(frames, SmoothConfig(enabled=False)), frames)
+
+
+@pytest.mark.parametrize("enabled", [True, False])
+def test_velocities_are_those_of_steady_motion(enabled: bool) -> None:
+    config, velocity = SmoothConfig(enabled=enabled), np.array([1.2, -0.4, 0.3])
+    before = state = FilterState()
+    for k in range(30):
+        positions = np.broadcast_to(k * STEP_NS * 1e-9 * velocity, (19, 3))
+        before, state = state, low_pass(state, positions, k * STEP_NS, config)
+    np.testing.assert_allclose(state.motion, np.broadcast_to(velocity, (19, 3)), rtol=1e-3)
+    skeleton = with_motion(make_skeleton(np.zeros((19, 3))), before, state)
+    np.testing.assert_array_equal(skeleton.positions, state.positions)
+    np.testing.assert_allclose(skeleton.velocity, velocity, rtol=1e-3)
+    assert skeleton.tracking is Tracking.TRACKED
+
+
+def test_a_first_frame_has_no_velocity() -> None:
+    first = low_pass(FilterState(), np.zeros((19, 3)), 0, SmoothConfig())
+    skeleton = with_motion(make_skeleton(np.zeros((19, 3))), FilterState(), first)
+    assert skeleton.tracking is Tracking.NEW and len(skeleton.velocities) == 0
+    assert np.isnan(skeleton.velocity).all()

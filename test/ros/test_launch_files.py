@@ -12,8 +12,8 @@ import pytest
 from peer import LIMIT_S
 from yaml import safe_load
 
-from depth_pose.cli.console import read_settings
 from depth_pose.core.config import PipelineConfig
+from depth_pose.core.settings_file import read_settings
 from depth_pose.ros.nodes.parameters import EVERYWHERE, parameter_name
 from depth_pose.ros.process import NODES
 

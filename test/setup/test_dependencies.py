@@ -47,7 +47,12 @@ def depends(folder):
 BROUGHT = {"lz4": "mcap", "websockets": "viser", "zstandard": "mcap"}
 """What is imported and comes with another that is in the list: that one, by the names of packages."""
 
-PACKAGES = {"PIL": "pillow", "yaml": "pyyaml", "libusb_package": "libusb-package"}
+PACKAGES = {
+    "PIL": "pillow",
+    "yaml": "pyyaml",
+    "libusb_package": "libusb-package",
+    "pythonosc": "python-osc",
+}
 """Names of packages that are not those of their modules."""
 
 ROS = r"rclpy|\w+_(?:msgs|interfaces)"
@@ -95,7 +100,7 @@ def test_what_the_sources_import_is_in_the_list():
 
 def test_each_extra_installs_what_asks_for_it():
     for module, extra in EXTRAS.items():
-        assert module in requirements(extra)
+        assert PACKAGES.get(module, module) in requirements(extra)
 
 
 def test_the_manual_installs_the_list():

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from pathlib import Path
+from collections.abc import Iterable
 from typing import Any
 
 import typer
 from rich.markup import escape
 
-from depth_pose.core.config import SHORT_NAMES, PipelineConfig
-from depth_pose.core.errors import ConfigError
-from depth_pose.core.options import Sections, options
+from depth_pose.core.options import options
 from depth_pose.core.printable import printable, printable_lines
 from depth_pose.core.progress import SafeConsole, archive_bar, errors, loading, progress_bar
-from depth_pose.core.reading import parse_json, parse_yaml, read_text
 
 __all__ = [
     "archive_bar",
@@ -24,7 +20,6 @@ __all__ = [
     "loading",
     "print_facts",
     "progress_bar",
-    "read_settings",
     "say",
     "setting",
     "tell_error",
@@ -57,55 +52,6 @@ def setting(config: type, name: str, *flags: str) -> Any:
 def given(**values: Any) -> dict[str, Any]:
     """Return the options that were given."""
     return {name: value for name, value in values.items() if value is not None}
-
-
-def read_settings(path: Path, config: type[Sections] = PipelineConfig) -> dict[str, dict[str, Any]]:
-    """Read a settings file: YAML or JSON by step, or a ROS parameter file with those steps.
-
-    Raises
-    ------
-    InputError
-        Where it cannot be read.
-    ConfigError
-        Where it is not a mapping of mappings.
-    """
-    text = read_text(path)
-    values = parse_json(path, text) if path.suffix.lower() == ".json" else parse_yaml(path, text)
-    if values is None:
-        return {}
-    if isinstance(values, Mapping) and "/**" in values:
-        inside = values["/**"]
-        everything = inside.get("ros__parameters") if isinstance(inside, Mapping) else None
-        if not isinstance(everything, Mapping) or not all(isinstance(name, str) for name in everything):
-            raise ConfigError(f"{path}: /** must hold ros__parameters, a mapping of names to values")
-        sections = config().as_mapping()
-        everything = dict(_long_name(name, value) for name, value in everything.items())
-        values = _nested({k: v for k, v in everything.items() if k.partition(".")[0] in sections})
-    if not isinstance(values, Mapping) or not all(isinstance(part, Mapping) for part in values.values()):
-        raise ConfigError(f"{path} must hold settings by step, for instance 'segment: {{near: 0.5}}'")
-    odd = [name for part in values.values() for name in part if not isinstance(name, str)]
-    if odd:
-        raise ConfigError(f"{path}: {odd[0]!r} is not the name of a setting")
-    return {str(name): dict(part) for name, part in values.items()}
-
-
-def _long_name(name: str, value: Any) -> tuple[str, Any]:
-    """Return the full name, SECTION.FIELD, of a ROS parameter that is given without its section."""
-    if name in SHORT_NAMES and not isinstance(value, Mapping):
-        return ".".join(SHORT_NAMES[name]), value
-    return name, value
-
-
-def _nested(flat: Mapping[str, Any]) -> dict[str, Any]:
-    """Convert ``{"a.b": 1}`` to ``{"a": {"b": 1}}``."""
-    nested: dict[str, Any] = {}
-    for name, value in flat.items():
-        section, dot, key = name.partition(".")
-        more = {key: value} if dot else value
-        before = nested.get(section, {})
-        if isinstance(before, Mapping):
-            nested[section] = {**before, **more} if isinstance(more, Mapping) else more
-    return nested
 
 
 def print_facts(title: str, facts: Iterable[tuple[str, str]]) -> None:

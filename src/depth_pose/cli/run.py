@@ -19,19 +19,20 @@ from depth_pose.cli.console import (
     loading,
     print_facts,
     progress_bar,
-    read_settings,
     say,
     setting,
     tell_stopped,
     warn,
 )
 from depth_pose.cli.damage import be_lenient, warn_of
+from depth_pose.cli.live_options import LiveOptions
 from depth_pose.cli.room_run import check_room_options, run_room
 from depth_pose.core.config import FollowConfig, PersonalConfig, PipelineConfig, RefineConfig, SegmentConfig
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.extras import require
 from depth_pose.core.outputs import check_targets, own_folder
 from depth_pose.core.printable import printable
+from depth_pose.core.settings_file import read_settings
 from depth_pose.io.damage import tell_damage
 from depth_pose.io.image_options import ImageOptions
 
@@ -123,6 +124,20 @@ def run(
             help="For several recordings: use the Dask cluster with this scheduler.", metavar="ADDRESS"
         ),
     ] = None,
+    osc: Annotated[
+        str | None,
+        typer.Option(help="Also send the skeletons by OSC, as they are found.", metavar="[HOST:]PORT"),
+    ] = None,
+    websocket: Annotated[
+        str | None,
+        typer.Option(
+            help="Also serve the skeletons as JSON to WebSocket clients; without HOST only on this machine.",
+            metavar="[HOST:]PORT",
+        ),
+    ] = None,
+    real_time: Annotated[
+        bool, typer.Option("--real-time", help="Process the frames no sooner than a sensor would send them.")
+    ] = False,
     lenient: shared.Lenient = False,
 ) -> None:
     """Find the skeletons of everybody in every depth frame of one recording or many.
@@ -159,6 +174,8 @@ def run(
 
     depth-pose run in.mcap -o out.mcap --markers
 
+    depth-pose run in.mcap -o out.mcap --real-time --osc studio:9000 --websocket 8765
+
     depth-pose run --rig rig.yaml left.mcap right.mcap -o room.mcap
 
     depth-pose run recordings/ -o skeletons/ --workers 8
@@ -183,6 +200,9 @@ def run(
     config = PipelineConfig.from_mapping(values)
     images = ImageOptions.parse(intrinsics, depth_scale, fps)
     target = Path(output)
+    live = LiveOptions.parse(osc, websocket, real_time)
+    if live.is_used and (rig is not None or passes > 1):
+        raise ConfigError(f"{live.flags} cannot be combined with {'--rig' if rig else '--passes 2'}")
     if rig is not None:
         check_room_options(save_build=save_build, cluster=cluster, passes=passes if passes > 1 else None)
         run_room(
@@ -194,8 +214,12 @@ def run(
                 "--cluster is for several recordings; for one, let -o be a folder (its name ends in /)"
             )
         check_targets([target, save_build], [recordings[0], bank, params, config.build.file or None])
-        _run_one(Path(recordings[0]), target, bank, depth_topic, images, config, save_build, markers, passes)
+        _run_one(
+            Path(recordings[0]), target, bank, depth_topic, images, config, save_build, markers, passes, live
+        )
     else:
+        if live.is_used:
+            raise ConfigError(f"{live.flags}: only for one recording that goes to one file")
         if markers:
             raise ConfigError("--markers is for one recording that goes to one file")
         if save_build is not None:
@@ -229,6 +253,7 @@ def _run_one(
     save_build: Path | None,
     markers: bool,
     passes: int,
+    live: LiveOptions,
 ) -> None:
     """Run one recording to one file."""
     from depth_pose.io.mcap_read import DepthReader
@@ -237,7 +262,7 @@ def _run_one(
     reader = DepthReader(recording, depth_topic, images, tell=False)
 
     from depth_pose.bank import Bank, default_bank_path
-    from depth_pose.offline import process_recording
+    from depth_pose.offline import Paced, process_recording
     from depth_pose.passes import SecondPass
     from depth_pose.pipeline import PosePipeline
 
@@ -246,9 +271,12 @@ def _run_one(
         pipeline = PosePipeline(Bank.load(bank), config)
         pipeline.warm_up()
     try:
-        with progress_bar(recording.name, passes * len(reader)) as update:
+        with live.sending() as tell, progress_bar(recording.name, passes * len(reader)) as update:
             second = SecondPass(pipeline) if passes > 1 else None
-            summary = process_recording(reader, output, pipeline, update, markers=markers, second=second)
+            frames = Paced(reader) if live.real_time else reader
+            summary = process_recording(
+                frames, output, pipeline, update, markers=markers, second=second, tell=tell
+            )
     except PartlyWritten as stopped:
         tell_stopped(stopped)
         raise typer.Exit(STOPPED) from None

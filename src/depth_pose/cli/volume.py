@@ -15,13 +15,13 @@ from depth_pose.cli.console import (
     loading,
     print_facts,
     progress_bar,
-    read_settings,
     setting,
     tell_stopped,
 )
 from depth_pose.cli.damage import warn_of
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.outputs import check_targets
+from depth_pose.core.settings_file import read_settings
 from depth_pose.volume.config import LearnConfig, SpaceConfig, TrackConfig, ViewsConfig, VolumeConfig
 
 if TYPE_CHECKING:

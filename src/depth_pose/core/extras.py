@@ -13,7 +13,9 @@ EXTRAS = {
     "open3d": "sim",
     "pandas": "pandas",
     "pygltflib": "gltf",
+    "pythonosc": "live",
     "viser": "view",
+    "websockets": "live",
 }
 """Modules and the extras of ``pyproject.toml`` that install them."""
 

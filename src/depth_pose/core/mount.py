@@ -6,7 +6,6 @@ the optical axis, which changes no depth, and skeletons are rotated back into th
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -15,7 +14,6 @@ from numpy.typing import NDArray
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import MountConfig
 from depth_pose.core.errors import InputError
-from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
 from depth_pose.core.types import DepthFrame, Skeleton
 
 UPRIGHT = "_upright"
@@ -73,19 +71,7 @@ def rotate_to_sensor(skeleton: Skeleton, config: MountConfig) -> Skeleton:
     if config.roll % 360.0 == 0.0:
         return skeleton
     rotation = rotation_sensor_upright(config.roll)
-    return _rotated(skeleton, rotation, sensor_frame(skeleton.frame_id, config))
-
-
-def _rotated(skeleton: Skeleton, rotation: NDArray[np.float64], frame_id: str) -> Skeleton:
-    quats = matrix_to_quat(rotation @ quat_to_matrix(skeleton.quats_xyzw))
-    other = skeleton.alternative
-    return replace(
-        skeleton,
-        alternative=None if other is None else _rotated(other, rotation, frame_id),
-        frame_id=frame_id,
-        positions=skeleton.positions @ rotation.T,
-        quats_xyzw=quats.reshape(-1, 4),
-    )
+    return skeleton.turned(rotation, np.zeros(3), sensor_frame(skeleton.frame_id, config))
 
 
 @lru_cache(maxsize=8)

@@ -21,14 +21,14 @@ slightly apart.
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import Any, NewType
+from typing import Any, Literal, NewType, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.rotations import mirror_rotation
 
-JOINTS: tuple[str, ...] = (
+JointName = Literal[
     "pelvis",
     "spine",
     "chest",
@@ -48,7 +48,10 @@ JOINTS: tuple[str, ...] = (
     "right_knee",
     "right_ankle",
     "right_foot",
-)
+]
+"""Names of the published joints."""
+
+JOINTS: tuple[JointName, ...] = get_args(JointName)
 """The published joints, in the order of every (19, ...) array."""
 
 _TREE: tuple[tuple[str, str | None], ...] = (
@@ -166,6 +169,15 @@ class Source(IntEnum):
     RECOVERED = 2
     VOLUME = 3
     LOST = 4
+
+
+class Tracking(IntEnum):
+    """How a person is followed; the values are those of ``depth_pose_msgs/Skeleton``."""
+
+    UNKNOWN = 0
+    NEW = 1
+    TRACKED = 2
+    LOST = 3
 
 
 ADULT_STATURE_M = 1.75

@@ -5,18 +5,21 @@ All of them are frozen and in SI units.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.core.camera import Camera
+from depth_pose.core.boxes import box_2d, box_3d
+from depth_pose.core.camera import Camera, Lens
 from depth_pose.core.errors import InputError
-from depth_pose.core.extras import require
 from depth_pose.core.measurement import JointMeasurement
-from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointState, Source
+from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
+from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointName, JointState, Source, Tracking
+from depth_pose.core.sketch import html, plot
+from depth_pose.core.tables import to_pandas
 
 
 @dataclass(frozen=True)
@@ -155,19 +158,25 @@ class Joint(NamedTuple):
         Probability that the position is within 10 cm, 0 to 1.
     state : JointState
         SEEN, OCCLUDED, OUTSIDE_IMAGE or LOST.
+    velocity : (3,) float64
+        Camera frame, m/s; NaN where it is unknown.
+    covariance : (3, 3) float64
+        Of the position, camera frame, m^2; NaN where it is unknown.
     """
 
-    name: str
+    name: JointName
     position: NDArray[np.float64]
     quat_xyzw: NDArray[np.float64]
     confidence: float
     state: JointState
+    velocity: NDArray[np.float64]
+    covariance: NDArray[np.float64]
 
 
 RECORD = np.dtype(
     [
         ("stamp_ns", "i8"),
-        ("id", "U32"),
+        ("body_id", "U32"),
         ("source", "U9"),
         ("confidence", "f4"),
         ("residual", "f4"),
@@ -176,17 +185,22 @@ RECORD = np.dtype(
         ("quats_xyzw", "f8", (len(JOINTS), 4)),
         ("joint_confidence", "f4", (len(JOINTS),)),
         ("joint_states", "u1", (len(JOINTS),)),
+        ("velocities", "f4", (len(JOINTS), 3)),
+        ("covariances", "f4", (len(JOINTS), 3, 3)),
     ]
 )
 """Type of `Skeleton.to_record`; rows of ``positions`` and the like are in the order of `JOINTS`."""
 
+_TRUNK = [JOINT_INDEX[name] for name in ("pelvis", "spine", "chest")]
+"""Joints whose mean is the centre of a person."""
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Skeleton:
     """One person's pose in one frame; with source LOST all arrays are empty (0 joints).
 
     ``skeleton["left_wrist"]`` is one `Joint`; ``skeleton.positions`` are all of them, in the order of
-    `depth_pose.JOINTS`.
+    `depth_pose.JOINTS`. Skeletons are equal where all of their values are.
 
     Attributes
     ----------
@@ -214,6 +228,12 @@ class Skeleton:
     alternative : Skeleton or None
         The same person facing the other way, where left and right cannot be told; its confidences are lower
         by the probability of that.
+    velocities : (19, 3) float64
+        Joint velocities, camera frame, m/s; empty where they are unknown, as in the first frame of a person.
+    covariances : (19, 3, 3) float64
+        Covariance of each position, camera frame, m^2; empty where it is unknown.
+    tracking : Tracking
+        NEW in the first frame of a person and after a gap, then TRACKED; LOST without a pose.
 
     Examples
     --------
@@ -223,14 +243,16 @@ class Skeleton:
     ...     residual=0.01, scale=1.0, positions=np.zeros((19, 3)), quats_xyzw=np.zeros((19, 4)),
     ...     joint_confidence=np.ones(19, np.float32), joint_states=np.zeros(19, np.uint8),
     ... )
-    >>> person.id, person.time
-    ('body_1', 0.04)
+    >>> person
+    <Skeleton body_1 at 0.040 s: REFINED, confidence 0.90, centre (0.00, 0.00, 0.00) m, 19 of 19 joints seen>
     >>> person["left_wrist"].position
     array([0., 0., 0.])
     >>> person["left_wrist"].state.name
     'SEEN'
-    >>> sorted(person.to_dict())
-    ['confidence', 'frame_id', 'id', 'joints', 'residual', 'scale', 'source', 'stamp_ns', 'time']
+    >>> "left_wrist" in person, len(person), [joint.name for joint in person][:2]
+    (True, 19, ['pelvis', 'spine'])
+    >>> sorted(person.to_dict())[:4]
+    ['body_id', 'box', 'centre', 'confidence']
     >>> np.stack([person.to_record(), person.to_record()])["positions"].shape
     (2, 19, 3)
     """
@@ -248,6 +270,11 @@ class Skeleton:
     joint_states: NDArray[np.uint8]
     build: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
     alternative: Skeleton | None = None
+    velocities: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    covariances: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3, 3)))
+    tracking: Tracking = Tracking.UNKNOWN
+
+    # --- one joint, or all
 
     @property
     def id(self) -> str:
@@ -264,90 +291,198 @@ class Skeleton:
         """All joints, in the order of `JOINTS`; none where the skeleton is lost."""
         return tuple(self._joint(i) for i in range(len(self.positions)))
 
-    def __getitem__(self, name: str) -> Joint:
+    def __getitem__(self, name: JointName) -> Joint:
         if name not in JOINT_INDEX:
             raise KeyError(f"there is no joint {name!r}; the joints are {', '.join(JOINTS)}")
         if self.is_lost:
             raise KeyError(f"there is no {name}: the skeleton is LOST and has no joints")
         return self._joint(JOINT_INDEX[name])
 
+    def __contains__(self, name: object) -> bool:
+        """Whether there is a joint with this name."""
+        return name in JOINT_INDEX and not self.is_lost
+
+    def __iter__(self) -> Iterator[Joint]:
+        """Yield all joints, in the order of `JOINTS`."""
+        return iter(self.joints)
+
+    def __len__(self) -> int:
+        """Return the number of joints: 19, or 0 where the skeleton is lost."""
+        return len(self.positions)
+
+    def __bool__(self) -> bool:
+        """Return whether a pose is known."""
+        return not self.is_lost
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Skeleton):
+            return NotImplemented
+        return all(_is_same(getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
+
+    def __hash__(self) -> int:
+        return hash((self.stamp_ns, self.frame_id, self.body_id, self.source))
+
+    def __repr__(self) -> str:
+        start = f"<Skeleton {self.body_id or 'of nobody'} at {self.time:.3f} s: {Source(self.source).name}"
+        if self.is_lost:
+            return f"{start}>"
+        x, y, z = self.centre
+        seen = int((self.joint_states == JointState.SEEN).sum())
+        return (
+            f"{start}, confidence {self.confidence:.2f}, centre ({x:.2f}, {y:.2f}, {z:.2f}) m, "
+            f"{seen} of {len(self)} joints seen>"
+        )
+
     def _joint(self, index: int) -> Joint:
+        has_motion, has_spread = len(self.velocities) > 0, len(self.covariances) > 0
         return Joint(
             JOINTS[index],
             self.positions[index],
             self.quats_xyzw[index],
             float(self.joint_confidence[index]),
             JointState(self.joint_states[index]),
+            self.velocities[index] if has_motion else np.full(3, np.nan),
+            self.covariances[index] if has_spread else np.full((3, 3), np.nan),
         )
+
+    # --- the person as a whole
+
+    @property
+    def centre(self) -> NDArray[np.float64]:
+        """Centre of the trunk (3,), camera frame, metres; NaN where the skeleton is lost."""
+        return np.full(3, np.nan) if self.is_lost else self.positions[_TRUNK].mean(axis=0)
+
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """Velocity of the trunk (3,), camera frame, m/s; NaN where it is unknown."""
+        return self.velocities[_TRUNK].mean(axis=0) if len(self.velocities) else np.full(3, np.nan)
+
+    @property
+    def box(self) -> NDArray[np.float64]:
+        """Corners (2, 3) with the least and the greatest coordinates, camera frame, metres.
+
+        It is estimated from the joints, with flesh around them; NaN where the skeleton is lost.
+        """
+        return np.full((2, 3), np.nan) if self.is_lost else box_3d(self.positions, self.scale)
+
+    def box_in(self, camera: Camera | Lens) -> NDArray[np.float64]:
+        """Return left, top, right and bottom (4,) in a camera's image, pixels, clipped to the image.
+
+        NaN where the person is outside of the image, or lost.
+        """
+        return np.full(4, np.nan) if self.is_lost else box_2d(self.positions, self.scale, camera)
+
+    def pixels(self, camera: Camera | Lens) -> NDArray[np.float64]:
+        """Return the joints' column and row (19, 2) in a camera's image, pixels; some may be outside."""
+        return camera.project(self.positions)
+
+    # --- other forms
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers, strings and lists, suitable for JSON; joints by their names.
 
-        An `alternative` is included where there is one.
+        What is unknown is None. An `alternative` is included where there is one.
         """
         other = {} if self.alternative is None else {"alternative": self.alternative.to_dict()}
         return other | {
-            "id": self.body_id,
-            "time": self.time,
+            "body_id": self.body_id,
+            "time_s": self.time,
             "stamp_ns": self.stamp_ns,
             "frame_id": self.frame_id,
             "source": Source(self.source).name,
+            "tracking": Tracking(self.tracking).name,
             "confidence": float(self.confidence),
             "residual": float(self.residual),
             "scale": float(self.scale),
+            "centre": _known(self.centre),
+            "velocity": _known(self.velocity),
+            "box": _known(self.box),
             "joints": {
                 joint.name: {
                     "position": joint.position.tolist(),
                     "quat_xyzw": joint.quat_xyzw.tolist(),
                     "confidence": joint.confidence,
                     "state": joint.state.name,
+                    "velocity": _known(joint.velocity),
+                    "covariance": _known(joint.covariance),
                 }
                 for joint in self.joints
             },
         }
 
     def to_record(self) -> NDArray[np.void]:
-        """Return one row of a NumPy table, of type `RECORD`; NaN where the skeleton is lost."""
+        """Return one row of a NumPy table, of type `RECORD`; NaN where something is unknown."""
         record = np.zeros((), RECORD)
-        for name in ("stamp_ns", "confidence", "residual", "scale"):
+        for name in ("stamp_ns", "body_id", "confidence", "residual", "scale"):
             record[name] = getattr(self, name)
-        record["id"], record["source"] = self.body_id, Source(self.source).name
+        record["source"] = Source(self.source).name
         record["joint_states"] = JointState.LOST if self.is_lost else self.joint_states
-        for name in ("positions", "quats_xyzw", "joint_confidence"):
-            record[name] = np.nan if self.is_lost else getattr(self, name)
+        for name in ("positions", "quats_xyzw", "joint_confidence", "velocities", "covariances"):
+            values = getattr(self, name)
+            record[name] = values if len(values) else np.nan
         return record
 
     def to_pandas(self) -> Any:
         """Return a `pandas.DataFrame` with a row for each joint.
 
-        Its columns are time, id, joint, x, y, z, confidence and state.
+        Its columns are those of the CSV export, without ``frame``: stamp_ns, time_s, body_id, joint, x, y, z,
+        qx, qy, qz, qw, joint_confidence, joint_state, confidence, source, scale, frame_id.
 
         Raises
         ------
         ConfigError
             Where pandas is not installed.
         """
-        require("pandas", "to_pandas")
-        import pandas
+        return to_pandas([self])
 
-        x, y, z = self.positions.T
-        return pandas.DataFrame(
-            {
-                "time": self.time,
-                "id": self.body_id,
-                "joint": [joint.name for joint in self.joints],
-                "x": x,
-                "y": y,
-                "z": z,
-                "confidence": self.joint_confidence,
-                "state": [joint.state.name for joint in self.joints],
-            }
-        )
+    def plot(self, axes: Any = None) -> Any:
+        """Draw the skeleton with matplotlib, seen from the camera and from the side; return the axes.
+
+        Parameters
+        ----------
+        axes : matplotlib axes in 3D, optional
+            New ones by default.
+
+        Raises
+        ------
+        ConfigError
+            Where matplotlib is not installed.
+        """
+        return plot([self.positions], axes)
+
+    def _repr_html_(self) -> str:
+        """Return a picture and one line, for notebooks."""
+        return html([(self.positions, self.joint_confidence)], repr(self))
+
+    # --- the same pose elsewhere
 
     def at(self, stamp_ns: int) -> Skeleton:
         """Return the same pose at another time."""
         other = None if self.alternative is None else self.alternative.at(stamp_ns)
         return replace(self, stamp_ns=stamp_ns, alternative=other)
+
+    def turned(
+        self, rotation: NDArray[np.float64], translation: NDArray[np.float64], frame_id: str
+    ) -> Skeleton:
+        """Return the same pose in another frame.
+
+        Parameters
+        ----------
+        rotation, translation : (3, 3), (3,) float64
+            From the skeleton's frame to the other one, metres.
+        frame_id : str
+            Name of the other frame.
+        """
+        other = self.alternative
+        return replace(
+            self,
+            frame_id=frame_id,
+            positions=self.positions @ rotation.T + translation,
+            quats_xyzw=matrix_to_quat(rotation @ quat_to_matrix(self.quats_xyzw)).reshape(-1, 4),
+            alternative=None if other is None else other.turned(rotation, translation, frame_id),
+            velocities=self.velocities @ rotation.T,
+            covariances=rotation @ self.covariances @ rotation.T,
+        )
 
     @property
     def is_lost(self) -> bool:
@@ -369,7 +504,34 @@ class Skeleton:
             quats_xyzw=np.zeros((0, 4)),
             joint_confidence=np.zeros(0, np.float32),
             joint_states=np.zeros(0, np.uint8),
+            tracking=Tracking.LOST,
         )
+
+
+def _is_same(a: Any, b: Any) -> bool:
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        return np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
+    return bool(a == b)
+
+
+def _known(values: NDArray[np.float64]) -> list[Any] | None:
+    """Return an array as lists, None where it is NaN: JSON has no NaN."""
+    return values.tolist() if np.isfinite(values).all() else None
+
+
+_ROWS, _COLUMNS = np.triu_indices(3)
+
+
+def six_numbers(covariances: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return xx, xy, xz, yy, yz, zz (..., 6) of covariances (..., 3, 3), as in the messages."""
+    return covariances[..., _ROWS, _COLUMNS]
+
+
+def symmetric(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the covariances (..., 3, 3) of which `six_numbers` gives the numbers (..., 6)."""
+    covariances = np.empty((*numbers.shape[:-1], 3, 3))
+    covariances[..., _ROWS, _COLUMNS] = covariances[..., _COLUMNS, _ROWS] = numbers
+    return covariances
 
 
 def alternatives_of(skeletons: Iterable[Skeleton]) -> tuple[Skeleton, ...]:

@@ -6,18 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from depth_pose.core.sketch import side_colour
 from depth_pose.evaluate.pictures import plain_text, save_picture
 from depth_pose.evaluate.score import Score
-
-LEFT, RIGHT, MIDDLE = "#f08a24", "#1f9bcf", "#8a8f98"
-"""Colours of the person's left, right and middle, the same in every picture."""
-
-
-def side_colour(joint: str) -> str:
-    """Return the colour of a joint's side."""
-    if joint.startswith("left_"):
-        return LEFT
-    return RIGHT if joint.startswith("right_") else MIDDLE
 
 
 def save_joint_errors(score: Score, path: Path | str, title: str = "") -> None:

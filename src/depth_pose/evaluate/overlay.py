@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import BONES, JOINT_INDEX, JOINTS, JointState
+from depth_pose.core.sketch import LEFT, MIDDLE, RIGHT, side_colour
 from depth_pose.core.types import Skeleton
-from depth_pose.evaluate.joint_error_plot import LEFT, MIDDLE, RIGHT
 from depth_pose.evaluate.panels import Panel, collect_panels, project
 from depth_pose.evaluate.pictures import plain_text, save_picture
 from depth_pose.evaluate.shading import shade_depth
@@ -152,8 +152,7 @@ def _crop(
 
 def bone_colour(child: int) -> str:
     """Return the colour of the bone that ends at a joint."""
-    name = JOINTS[child]
-    return LEFT if name.startswith("left_") else RIGHT if name.startswith("right_") else MIDDLE
+    return side_colour(JOINTS[child])
 
 
 def _draw_skeleton(axes: Any, skeleton: Skeleton, camera: Camera) -> None:

@@ -7,6 +7,9 @@ from numpy.typing import NDArray
 
 _NO_RETURN = (0.082, 0.094, 0.114)
 """Colour of pixels without depth: red, green, blue, 0 to 1; for readability."""
+_TONES = np.linspace(0.0, 1.0, 5)
+_CIVIDIS = np.array([[0, 67, 125, 188, 254], [34, 78, 124, 175, 232], [78, 108, 120, 111, 56]]) / 255.0
+"""Red, green and blue of the colour map cividis (Nunez et al. 2018) at five of its values."""
 _SURFACE_JUMP = 0.12
 """Depth farther than this from its smoothed value is an edge and not smoothed, metres. For readability."""
 
@@ -28,8 +31,6 @@ def shade_depth(
     (H, W, 3) float64
         Red, green, blue, 0 to 1.
     """
-    from matplotlib import colormaps
-
     valid = np.isfinite(depth) & (depth > 0)
     if not valid.any():
         return np.full((*depth.shape, 3), _NO_RETURN)
@@ -38,7 +39,7 @@ def shade_depth(
     else:
         near, far = np.percentile(depth[valid], [1, 97])
     share = np.clip((np.where(valid, depth, far) - near) / max(far - near, 0.3), 0, 1)
-    colour = colormaps["cividis"](1.0 - 0.86 * share)[..., :3]
+    colour = np.stack([np.interp(1.0 - 0.86 * share, _TONES, tone) for tone in _CIVIDIS], axis=-1)
     colour = 0.45 * colour + 0.55 * colour.mean(axis=-1, keepdims=True)  # muted: the bones carry the colour
     shaded = colour * (0.45 + 0.55 * _relief(np.where(valid, depth, 0.0)))[..., None]
     picture: NDArray[np.float64] = np.where(valid[..., None], shaded, np.array(_NO_RETURN))

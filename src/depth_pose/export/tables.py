@@ -10,13 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.skeleton import BONES, JOINTS, JointState, Source
+from depth_pose.core.tables import COLUMNS
 from depth_pose.export.tracks import ARRAYS, Track, Tracks
-
-CSV_COLUMNS = (
-    *("frame", "stamp_ns", "time_s", "body_id", "joint", "x", "y", "z", "qx", "qy", "qz", "qw"),
-    *("joint_confidence", "joint_state", "confidence", "source", "scale", "frame_id"),
-)
-"""Columns of a CSV file; lengths in metres, in the frame ``frame_id``; quaternions as in the messages."""
 
 
 def write_csv(stream: TextIO, tracks: Tracks) -> None:
@@ -26,7 +21,7 @@ def write_csv(stream: TextIO, tracks: Tracks) -> None:
     written: a text of all would take 20 times the memory of the tracks.
     """
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(CSV_COLUMNS)
+    writer.writerow(COLUMNS)
     firsts = [int(np.searchsorted(tracks.stamps_ns, track.stamps_ns[0])) for track in tracks.people]
     for frame, stamp in enumerate(tracks.stamps_ns.tolist()):
         passed_s = f"{(stamp - int(tracks.stamps_ns[0])) * 1e-9:.9f}"

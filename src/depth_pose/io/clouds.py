@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
+from depth_pose.core.image_size import MAX_PIXELS, check_shape, check_size
 from depth_pose.core.types import DepthFrame
 from depth_pose.io._virtual_camera import MAX_TANGENT, project_cloud
-from depth_pose.io.decode import MAX_PIXELS, check_bytes, check_shape, check_size
+from depth_pose.io.decode import check_bytes
 
 _POINT_TYPES = {7: "f4", 8: "f8"}
 """NumPy types of the `sensor_msgs/PointField` datatypes that a coordinate may have."""

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.errors import InputError
+from depth_pose.core.image_size import check_size
 from depth_pose.io import _rvl_kernels as kernels
-from depth_pose.io.decode import check_size
 
 TOPIC_ENDING = "/compressedDepth"
 """Suffix of topics with this transport."""

@@ -10,12 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.errors import InputError
-
-MAX_SIDE = 8192
-"""Maximum rows or columns of an image or cloud; set by hand."""
-
-MAX_PIXELS = 16_777_216
-"""Maximum pixels of an image, or points of a cloud: 4096 x 4096; set by hand."""
+from depth_pose.core.image_size import check_size
 
 _DEPTH_TYPES: dict[str, str] = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 
@@ -30,29 +25,6 @@ _ROUGHER = 16.0
 
 _FEW, _MANY = 0.2, 0.8
 """Shares of floats that may be distances, with the wrong and with the right byte order; set by hand."""
-
-_MOST_ELONGATED = 16
-"""Maximum ratio of an image's sides; a frame of 8192 x 2 pixels would take 20 s."""
-
-
-def check_size(what: str, height: int, width: int, max_width: int = MAX_SIDE) -> None:
-    """Refuse images and clouds that are empty or too large."""
-    if height < 1 or width < 1:
-        raise InputError(f"{what} is empty: width is {width}, height is {height}")
-    if height > MAX_SIDE or width > max_width or height * width > MAX_PIXELS:
-        raise InputError(
-            f"{what} is too large: width is {width}, height is {height}; "
-            f"the maximum is {max_width} x {MAX_SIDE} and {MAX_PIXELS} in all"
-        )
-
-
-def check_shape(what: str, height: int, width: int) -> None:
-    """Refuse images that are too elongated for a camera."""
-    if max(height, width) > _MOST_ELONGATED * min(height, width):
-        raise InputError(
-            f"{what}: width is {width}, height is {height}; the sides of a camera "
-            f"image differ by at most a factor of {_MOST_ELONGATED}"
-        )
 
 
 def check_bytes(what: str, size: int, height: int, step: int, least_step: int, step_name: str) -> None:

@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.image_size import check_size
 from depth_pose.io import schemas
 from depth_pose.io._topics import RawMessage, Topic, counted
 from depth_pose.io.compressed import decode_png
-from depth_pose.io.decode import check_size
 from depth_pose.io.image_options import ImageOptions
 from depth_pose.io.messages import write_camera_info, write_image
 

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.core.camera import Camera
+from depth_pose.core.camera import Camera, Lens
+from depth_pose.core.distortion import distort, largest_radius
 from depth_pose.core.errors import InputError
+from depth_pose.core.image_size import MAX_PIXELS
 from depth_pose.io._virtual_camera import MAX_TANGENT
-from depth_pose.io.calibration import Lens
-from depth_pose.io.decode import MAX_PIXELS
-from depth_pose.io.distortion import distort, largest_radius
 
 _BAND = 64
 """Number of rows rectified at a time; set by hand."""
@@ -89,6 +88,33 @@ def rectify_depth(depth: NDArray[np.float32], lens: Lens) -> RectifiedDepth:
     rectified: NDArray[np.float32] = depth.ravel()[found.source]
     rectified[found.outside] = 0.0
     return RectifiedDepth(rectified, found.camera, found.filled)
+
+
+def unrectify_labels(labels: NDArray[np.uint8], lens: Lens) -> NDArray[np.uint8]:
+    """Return the labels of a rectified image on the pixels of the distorted one.
+
+    Parameters
+    ----------
+    labels : (h, w) uint8
+        On the pixels that `rectify_depth` gives for this lens.
+    lens : Lens
+
+    Returns
+    -------
+    (H, W) uint8
+        Pixels without a counterpart take the label of the nearest one that has it.
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    found, shape = _rectification(lens), (lens.camera.height, lens.camera.width)
+    inside = ~found.outside
+    drawn, is_drawn = np.zeros(shape, np.uint8), np.zeros(shape, np.bool_)
+    drawn.ravel()[found.source[inside]] = labels[inside]
+    is_drawn.ravel()[found.source[inside]] = True
+    if is_drawn.all():
+        return drawn
+    rows, columns = distance_transform_edt(~is_drawn, return_distances=False, return_indices=True)
+    return np.asarray(drawn[rows, columns])
 
 
 _rectifications: dict[Lens, _Map] = {}

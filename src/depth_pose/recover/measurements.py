@@ -8,7 +8,9 @@ across and along its ray. The joint is the mean weighted by inverse covariances,
 .. math:: x_j = f_j + \sigma_f^2\, (\sigma_f^2 1 + C_j)^{-1} (q_j - f_j), \qquad
    \sigma_f^2 = \sigma_0^2 + k^2 \max(0, s - s_0)^2 + c^2 (1 / p_j - 1),
 
-with the covariance :math:`C_j` of `depth_pose.refine.articulated`, but a smaller floor.
+with the covariance :math:`C_j` of `depth_pose.refine.articulated`, but a smaller floor. The published
+covariance is that of this mean, :math:`(\sigma_f^{-2} 1 + C_j^{-1})^{-1}`, before the low-pass filter;
+``benchmarks/accuracy.py spread`` compares it with errors.
 """
 
 from __future__ import annotations
@@ -36,10 +38,21 @@ _SHARED_M = 0.02
 
 
 class Measured(NamedTuple):
-    """Joints (19, 3), camera frame, metres; weights (19, 2) of their proposals across and along the ray."""
+    """Joints fused from fit and measurement.
+
+    Attributes
+    ----------
+    joints : (19, 3) float64
+        Camera frame, metres.
+    share : (19, 2) float64
+        Weight of the measurement across the ray and along it, 0 to 1.
+    variance : (19, 2) float64
+        Variance of each joint across its ray and along it, m^2.
+    """
 
     joints: NDArray[np.float64]
     share: NDArray[np.float64]
+    variance: NDArray[np.float64]
 
 
 def weigh_joints(
@@ -61,14 +74,30 @@ def weigh_joints(
     measured : JointMeasurement or None
         Left and right are exchanged if that is nearer to the fit.
     """
+    doubt = 1.0 / np.clip(confidence, _LEAST, _MOST) - 1.0
+    whole = _FIT_M**2 + (_FIT_RISE_M * max(0.0, score - _FIT_SCORE)) ** 2
+    of_fit = (whole + _EVEN_M**2 * doubt)[:, None]
     if measured is None:
-        return Measured(fitted, np.zeros((len(fitted), 2)))
+        return Measured(fitted, np.zeros((len(fitted), 2)), np.repeat(of_fit, 2, axis=1))
     proposed = measured.named_like(fitted)
     apart = proposed.places - fitted
     ray = proposed.places / np.linalg.norm(proposed.places, axis=1, keepdims=True)
     along = (apart * ray).sum(axis=1, keepdims=True) * ray
-    doubt = 1.0 / np.clip(confidence, _LEAST, _MOST) - 1.0
-    whole = _FIT_M**2 + (_FIT_RISE_M * max(0.0, score - _FIT_SCORE)) ** 2
-    of_fit = (whole + _EVEN_M**2 * doubt)[:, None]
     share = of_fit / (of_fit + proposed.sigmas**2 + _SHARED_M**2)
-    return Measured(fitted + share[:, :1] * (apart - along) + share[:, 1:] * along, share)
+    joints = fitted + share[:, :1] * (apart - along) + share[:, 1:] * along
+    return Measured(joints, share, (1.0 - share) * of_fit)
+
+
+def covariances(joints: NDArray[np.float64], variance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Compute the covariances (19, 3, 3) of fused joints, camera frame, m^2.
+
+    Parameters
+    ----------
+    joints : (19, 3) float64
+        Camera frame, metres.
+    variance : (19, 2) float64
+        As in `Measured`.
+    """
+    ray = joints / np.linalg.norm(joints, axis=1, keepdims=True)
+    across, along = variance.T[..., None, None]
+    return across * np.eye(3) + (along - across) * ray[:, :, None] * ray[:, None, :]

@@ -32,7 +32,7 @@ from depth_pose.recover.failure import KINDS, Failure, FailureCheck, Verdict, ju
 from depth_pose.recover.other_view import renew_sides
 from depth_pose.recover.published import is_published, renew_disagreement
 from depth_pose.recover.report import to_skeleton
-from depth_pose.recover.smooth import low_pass
+from depth_pose.recover.smooth import low_pass, with_motion
 from depth_pose.recover.tuning import RecoverTuning
 from depth_pose.refine.body_fitter import BodyFitter
 from depth_pose.refine.hypotheses import Hypothesis, ScoredFit
@@ -185,7 +185,8 @@ class Recoverer:
         if is_refused and not is_shown:
             return state.lost(), None
         skeleton = to_skeleton(person, answer)
-        filtered = low_pass(state.filter, skeleton.positions, person.stamp_ns, self._smooth)
+        before = state.filter
+        filtered = low_pass(before, skeleton.positions, person.stamp_ns, self._smooth)
         sides, p_sides = renew_sides(
             state.evidence.sides, skeleton.positions, person.measured, person.stamp_ns
         )
@@ -196,7 +197,7 @@ class Recoverer:
         if not is_shown:
             return state, None
         other = self._other_view(person, answer, 1.0 - p_sides) if p_sides < _SIDES_SURE else None
-        return state, replace(skeleton, positions=filtered.positions, alternative=other)
+        return state, replace(with_motion(skeleton, before, filtered), alternative=other)
 
     def _accept(
         self, state: PersonState, person: PersonView, fitted: Fitted

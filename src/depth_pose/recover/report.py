@@ -9,7 +9,7 @@ from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.core.types import Skeleton
 from depth_pose.recover.confidence import report_joints, skeleton_confidence
-from depth_pose.recover.measurements import weigh_joints
+from depth_pose.recover.measurements import covariances, weigh_joints
 from depth_pose.track.person_view import PersonView
 
 TRUST = {Source.REFINED: 1.0, Source.RECOVERED: 0.8}
@@ -35,7 +35,8 @@ def to_skeleton(person: PersonView, answer: Fitted) -> Skeleton:
     """
     scale, score, source = answer.pose.scale, answer.score, answer.source
     sure = report_joints(answer.joints, scale, person, score).confidence
-    joints = weigh_joints(answer.joints, score, sure, person.measured).joints
+    fused = weigh_joints(answer.joints, score, sure, person.measured)
+    joints = fused.joints
     seen = report_joints(joints, scale, person, score)
     joint_confidence = _JOINT_TRUST[source] * seen.confidence
     return Skeleton(
@@ -51,4 +52,5 @@ def to_skeleton(person: PersonView, answer: Fitted) -> Skeleton:
         joint_confidence=joint_confidence.astype(np.float32),
         joint_states=seen.states,
         build=answer.build,
+        covariances=covariances(joints, fused.variance),
     )

@@ -7,15 +7,22 @@ cut-off frequency rises with speed, so that joints at rest do not jitter and mov
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.config import SmoothConfig
+from depth_pose.core.skeleton import Tracking
+from depth_pose.core.types import Skeleton
 from depth_pose.track.state import FilterState
 
 SPEED_CUTOFF_HZ = 4.0
 """Cut-off frequency (Hz) of the filter on the speed; set by hand."""
+
+
+MOTION_CUTOFF_HZ = 6.0
+"""Cut-off frequency (Hz) of the published velocities; chosen on development clips of 1.5 to 20."""
 
 
 def low_pass(
@@ -38,14 +45,36 @@ def low_pass(
     FilterState
         Its ``positions`` are the filtered ones.
     """
-    if not config.enabled or state.stamp_ns is None or stamp_ns <= state.stamp_ns:
-        return FilterState(stamp_ns, positions, np.zeros_like(positions))
+    if state.stamp_ns is None or stamp_ns <= state.stamp_ns:
+        return FilterState(stamp_ns, positions, np.zeros_like(positions), np.zeros_like(positions))
     dt = (stamp_ns - state.stamp_ns) * 1e-9
     share = _share(np.full(1, SPEED_CUTOFF_HZ), dt)
     velocity = state.velocity + share * ((positions - state.positions) / dt - state.velocity)
     cutoff = config.min_cutoff + config.beta * np.linalg.norm(velocity, axis=1)
-    filtered = state.positions + _share(cutoff, dt)[:, None] * (positions - state.positions)
-    return FilterState(stamp_ns, filtered, velocity)
+    filtered = positions
+    if config.enabled:
+        filtered = state.positions + _share(cutoff, dt)[:, None] * (positions - state.positions)
+    share = _share(np.full(1, MOTION_CUTOFF_HZ), dt)
+    motion = state.motion + share * ((filtered - state.positions) / dt - state.motion)
+    return FilterState(stamp_ns, filtered, velocity, motion)
+
+
+def with_motion(skeleton: Skeleton, before: FilterState, now: FilterState) -> Skeleton:
+    """Return a skeleton with filtered positions, with velocities, and whether the person is new.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+    before, now : FilterState
+        Of the frame before, and of the skeleton's.
+    """
+    is_new = before.stamp_ns is None
+    return replace(
+        skeleton,
+        positions=now.positions,
+        velocities=np.zeros((0, 3)) if is_new else now.motion,
+        tracking=Tracking.NEW if is_new else Tracking.TRACKED,
+    )
 
 
 def _share(cutoff: NDArray[np.float64], dt: float) -> NDArray[np.float64]:

@@ -15,7 +15,7 @@ from depth_pose.body.pose import BodyPose
 from depth_pose.core.config import MAX_STAMP_GAP_NS, PipelineConfig
 from depth_pose.core.errors import InputError
 from depth_pose.core.types import Skeleton
-from depth_pose.recover.smooth import low_pass
+from depth_pose.recover.smooth import low_pass, with_motion
 from depth_pose.rooms.camera_frame import CameraFrame
 from depth_pose.rooms.clock_course import ClockCourse
 from depth_pose.rooms.merge import place
@@ -158,9 +158,10 @@ class RoomFusion:
             return self._refiner.refine(answers, memory, person.velocity, stamp_ns, (ROOM_FRAME, room_id))
         memory.follow(answers[0].pose, memory.state.answer.lead, stamp_ns)
         only = place(seen[0].skeleton, answers[0].view.T_room_camera, ROOM_FRAME)
-        filtered = low_pass(memory.state.filter, only.positions, stamp_ns, self._smooth)
+        before = memory.state.filter
+        filtered = low_pass(before, only.positions, stamp_ns, self._smooth)
         memory.state = memory.state._replace(filter=filtered)
-        return replace(only, stamp_ns=stamp_ns, body_id=room_id, positions=filtered.positions)
+        return with_motion(replace(only, stamp_ns=stamp_ns, body_id=room_id), before, filtered)
 
 
 def _number(room_id: str) -> int:

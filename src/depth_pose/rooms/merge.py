@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
 from depth_pose.core.skeleton import JointState, Source
 from depth_pose.core.types import BUILD_SIZE, Skeleton
 
@@ -98,13 +97,7 @@ def place(skeleton: Skeleton, T_room_camera: Array, frame_id: str) -> Skeleton:
     """
     if skeleton.is_lost:
         return replace(skeleton, frame_id=frame_id)
-    rotation = T_room_camera[:3, :3]
-    return replace(
-        skeleton,
-        frame_id=frame_id,
-        positions=skeleton.positions @ rotation.T + T_room_camera[:3, 3],
-        quats_xyzw=matrix_to_quat(rotation @ quat_to_matrix(skeleton.quats_xyzw)),
-    )
+    return skeleton.turned(T_room_camera[:3, :3], T_room_camera[:3, 3], frame_id)
 
 
 def spread_of(confidence: NDArray[np.floating]) -> Array:
@@ -133,6 +126,7 @@ def merge_skeletons(seen: Sequence[PlacedSkeleton], body_id: str, stamp_ns: int,
     information = np.array([_information(s) for s in seen])
     merged, weights = _modes(positions, information)
     states = np.array([s.joint_states for s in skeletons])
+    confidence, covariances = _certainty(skeletons, positions, merged, information, weights)
     heard = weights >= _LEAST_SHARE * weights.max(axis=0)
     trust = np.array([max(s.confidence, 1e-3) for s in skeletons])
     best = skeletons[int(np.argmax(trust))]
@@ -147,9 +141,10 @@ def merge_skeletons(seen: Sequence[PlacedSkeleton], body_id: str, stamp_ns: int,
         scale=float(trust @ [s.scale for s in skeletons] / trust.sum()),
         positions=merged,
         quats_xyzw=_mean_rotations(np.array([s.quats_xyzw for s in skeletons]), weights, information),
-        joint_confidence=_confidence(skeletons, positions, merged, information, weights),
+        joint_confidence=confidence,
         joint_states=np.where(heard, states, JointState.LOST).min(axis=0).astype(np.uint8),
         build=np.mean(builds, axis=0, dtype=np.float32) if builds else best.build,
+        covariances=covariances,
     )
 
 
@@ -189,23 +184,24 @@ def _squares(apart: Array, information: Array) -> Array:
     return np.asarray(np.einsum("...a,...ab,...b->...", apart, information, apart))
 
 
-def _confidence(
+def _certainty(
     skeletons: Sequence[Skeleton], positions: Array, merged: Array, information: Array, weights: Array
-) -> NDArray[np.float32]:
-    """Return the confidences (19,) of the merged joints.
+) -> tuple[NDArray[np.float32], Array]:
+    """Return the confidences (19,) and the covariances (19, 3, 3) of the merged joints.
 
-    One camera keeps its own; several give that of the merged covariance, widened by their disagreement.
+    One camera keeps its own; several give those of the merged covariance, widened by their disagreement.
     """
     given = np.array([s.joint_confidence for s in skeletons], np.float64)
     if len(skeletons) == 1:
-        return given[0].astype(np.float32)
+        return given[0].astype(np.float32), skeletons[0].covariances
     weights = np.minimum(weights, 1.0)
     covariance = np.linalg.inv((weights[..., None, None] * information).sum(axis=0))
     squares = (weights * _squares(positions - merged, information)).sum(axis=0)
     widened = np.maximum(1.0, squares / (3.0 * (len(skeletons) - 1)))
     variance = widened * np.trace(covariance, axis1=1, axis2=2) / 3.0
     most = 1.0 - _DOUBT_LEFT * (1.0 - given.max(axis=0))
-    return np.minimum(confidence_of(np.sqrt(variance + _SHARED_M**2)), most).astype(np.float32)
+    confidence = np.minimum(confidence_of(np.sqrt(variance + _SHARED_M**2)), most).astype(np.float32)
+    return confidence, widened[:, None, None] * covariance + _SHARED_M**2 * np.eye(3)
 
 
 def _mean_rotations(quats_xyzw: Array, weights: Array, information: Array) -> Array:

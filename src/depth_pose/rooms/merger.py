@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.config import SmoothConfig
 from depth_pose.core.types import Skeleton
-from depth_pose.recover.smooth import low_pass
+from depth_pose.recover.smooth import low_pass, with_motion
 from depth_pose.rooms.fit_check import FitCheck
 from depth_pose.rooms.jumps import JumpMeter
 from depth_pose.rooms.merge import PlacedSkeleton, merge_skeletons, place
@@ -221,11 +221,11 @@ class RoomMerger:
         if not seen:
             return None
         kept = self._kept.setdefault(person.room_id, _Kept())
-        before = kept.moved_to(stamp_ns, person.velocity)
-        merged = merge_skeletons(agree_on_sides(seen, before), person.room_id, stamp_ns, self.frame_id)
+        expected = kept.moved_to(stamp_ns, person.velocity)
+        merged = merge_skeletons(agree_on_sides(seen, expected), person.room_id, stamp_ns, self.frame_id)
         kept.stamp_ns, kept.positions = stamp_ns, merged.positions
-        kept.filter = low_pass(kept.filter, merged.positions, stamp_ns, self._smooth)
-        return replace(merged, positions=kept.filter.positions)
+        before, kept.filter = kept.filter, low_pass(kept.filter, merged.positions, stamp_ns, self._smooth)
+        return with_motion(merged, before, kept.filter)
 
     def _correct_clocks(self) -> None:
         """Correct the stamps of cameras whose people walk ahead or behind: the room's clock is camera 0's."""

@@ -15,13 +15,14 @@ from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.core.types import Skeleton
 from depth_pose.recover.report import to_skeleton
-from depth_pose.recover.smooth import low_pass
+from depth_pose.recover.smooth import low_pass, with_motion
 from depth_pose.refine.body_fitter import BodyFitter
 from depth_pose.refine.build_learner import BuildLearner
 from depth_pose.refine.choice import choose
 from depth_pose.refine.hypotheses import Hypothesis, ScoredFit
 from depth_pose.refine.objective import Objective, Score
 from depth_pose.refine.solver import Effort, Problem, solve
+from depth_pose.rooms.merge import place
 from depth_pose.rooms.room_fit import RoomFit
 from depth_pose.rooms.starts import best_limbs
 from depth_pose.rooms.view import View
@@ -152,19 +153,21 @@ class RoomRefiner:
             posed = view.body_in_camera(best.body)
             seen = self._objective.score(view.person, posed)
             answer = Fitted(named[1], stamp_ns, Source.REFINED, posed, build, seen.depth, seen.gap)
-            told.append(to_skeleton(view.person, answer))
-        places = np.array([view.to_room(t.positions) for view, t in zip(views, told, strict=True)])
+            told.append(place(to_skeleton(view.person, answer), view.T_room_camera, named[0]))
+        places = np.array([t.positions for t in told])
         confidence = np.array([t.joint_confidence for t in told], np.float64)
         weight = confidence * shares[:, None]
         mean = (weight[..., None] * places).sum(axis=0) / weight.sum(axis=0)[:, None]
+        before = memory.state.filter
         filtered = low_pass(
-            memory.state.filter,
+            before,
             mean if np.isfinite(mean).all() else best.body.nodes[JOINT_NODES],
             stamp_ns,
             self._smooth,
         )
         memory.state = memory.state._replace(filter=filtered)
-        return Skeleton(
+        surest = confidence.argmax(axis=0), np.arange(len(mean))
+        fused = Skeleton(
             stamp_ns=stamp_ns,
             frame_id=named[0],
             body_id=named[1],
@@ -172,12 +175,14 @@ class RoomRefiner:
             confidence=max(t.confidence for t in told),
             residual=best.terms.gap,
             scale=best.body.pose.scale,
-            positions=filtered.positions,
+            positions=mean,
             quats_xyzw=matrix_to_quat(best.body.pose.rotations[JOINT_NODES]),
             joint_confidence=confidence.max(axis=0).astype(np.float32),
             joint_states=np.min([t.joint_states for t in told], axis=0),
             build=build,
+            covariances=np.array([t.covariances for t in told])[surest],
         )
+        return with_motion(fused, before, filtered)
 
 
 def _starts(

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.core.camera import Camera
+from depth_pose.core.camera import Camera, Lens
 from depth_pose.core.config import MountConfig
 from depth_pose.core.mount import rotation_sensor_upright
 from depth_pose.core.types import MOST_LABEL, DepthFrame
+from depth_pose.io.rectification import unrectify_labels
 from depth_pose.track.person_view import FramePeople
 
 
@@ -24,29 +26,63 @@ def person_number(body_id: str) -> int:
     return (int(digits[-1]) - 1) % MOST_LABEL + 1 if digits else 1
 
 
-def draw_labels(people: FramePeople, frame: DepthFrame, mount: MountConfig) -> NDArray[np.uint8]:
-    """Draw the label image at sensor resolution.
+@dataclass(frozen=True, eq=False)
+class LabelImage:
+    """The people of a frame, from which their labels at sensor resolution are drawn.
 
-    Parameters
+    Attributes
     ----------
-    people : FramePeople
-        People of this frame, on the upright working grid.
-    frame : DepthFrame
-        The sensor's original frame.
-    mount : MountConfig
-        Rotation of the sensor.
-
-    Returns
-    -------
-    (H, W) uint8
-        `person_number` of the person at each pixel; 0 elsewhere, and where the frame has no depth.
+    numbers : (h, w) uint8
+        `person_number` of the person at each cell of the upright working grid; 0 elsewhere.
+    grid : Camera
+        Camera of that grid.
+    measured : (N,) uint8
+        Bits of the sensor's pixels that have depth.
+    camera : Camera
+        Camera of the sensor's image, without distortion.
+    roll : float
+        Rotation of the sensor, degrees.
+    lens : Lens or None
+        The lens of the sensor's image, if it is distorted.
     """
-    numbers = np.zeros(256, np.uint8)
-    for person in people.persons:
-        numbers[person.found.label] = person_number(person.body_id)
-    cells, inside = _lookup(frame.camera, people.camera, mount.roll)
-    labels = numbers[people.labels].ravel()[cells]
-    return np.where(inside & (frame.depth > 0.0), labels, np.uint8(0))
+
+    numbers: NDArray[np.uint8]
+    grid: Camera
+    measured: NDArray[np.uint8]
+    camera: Camera
+    roll: float
+    lens: Lens | None = None
+
+    @classmethod
+    def of(
+        cls, people: FramePeople, frame: DepthFrame, mount: MountConfig, lens: Lens | None = None
+    ) -> LabelImage:
+        """Keep what is needed of a frame.
+
+        Parameters
+        ----------
+        people : FramePeople
+            People of this frame, on the upright working grid.
+        frame : DepthFrame
+            The sensor's frame, rectified.
+        mount : MountConfig
+            Rotation of the sensor.
+        lens : Lens, optional
+            Of the sensor's image before it was rectified.
+        """
+        numbers = np.zeros(256, np.uint8)
+        for person in people.persons:
+            numbers[person.found.label] = person_number(person.body_id)
+        measured = np.packbits(frame.depth > 0.0)
+        return cls(numbers[people.labels], people.camera, measured, frame.camera, mount.roll, lens)
+
+    def draw(self) -> NDArray[np.uint8]:
+        """Return the labels (H, W) of the sensor's image; 0 where there is nobody, or no depth."""
+        cells, inside = _lookup(self.camera, self.grid, self.roll)
+        shape = self.camera.height, self.camera.width
+        measured = np.unpackbits(self.measured, count=shape[0] * shape[1]).reshape(shape) > 0
+        labels = np.where(inside & measured, self.numbers.ravel()[cells], np.uint8(0))
+        return labels if self.lens is None else unrectify_labels(labels, self.lens)
 
 
 @lru_cache(maxsize=4)

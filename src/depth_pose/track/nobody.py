@@ -36,6 +36,21 @@ _ROUGH_M, _SMOOTHER = 0.2, 0.1
 """Median depth step (m) between different neighbours of swapped bytes, of which 1 mm becomes .256 m, and the
 share of it that swapping them back leaves. Set by hand."""
 
+_ALL_NEAR_M, _MOSTLY = 1.0, 99.0
+"""Depth (m) below which nearly all of an image in centimetres lies that is taken for millimetres, and the
+percentile of its depths. Set by hand."""
+
+_SLOPE, _STEEP = 0.08, 0.4
+"""Relative change of depth over a stretch of a surface that tells its curvature, least and most. Set by
+hand."""
+
+_STRETCHES, _FEWEST_STRETCHES = 24, 0.005
+"""Stretches along an image's side, and the least share of its pixels in such a stretch. Set by hand."""
+
+_CURVED = 0.3
+"""Median curvature of surfaces below which an image is of inverse depth: 0 there, 1 in depth images. In
+recordings depth images have .60 and more. Set by hand."""
+
 _STEP = 4
 """Rows from one to the next in which depths are looked at."""
 
@@ -54,8 +69,9 @@ class NobodyWatch:
         self._config = config or SegmentConfig()
         self.reset()
 
-    def reset(self) -> None:
-        """Forget all earlier frames."""
+    def reset(self, fewest: int = _FEWEST) -> None:
+        """Forget all earlier frames; name a cause after this many frames, 1 for single images."""
+        self._fewest = fewest
         self._has_answered = False
         self._rejected: dict[str, int] | None = None
         self._begin()
@@ -96,7 +112,7 @@ class NobodyWatch:
     @property
     def cause(self) -> str:
         """Name of the most likely cause; empty where there is none to see."""
-        if self._frames < _FEWEST or not self._causes:
+        if self._frames < self._fewest or not self._causes:
             return ""
         (cause, count), *_ = self._causes.most_common(1)
         return cause if 2 * count > self._looks else ""
@@ -120,10 +136,14 @@ class NobodyWatch:
         values = depth[is_set]
         if not is_indoors(float(np.median(values))):
             return "unit"
+        if is_inverse(frame.depth):
+            return "inverse"
         if (values > self._config.far).mean() > _NEARLY_ALL:
             return "far"
         if (values < self._config.near).mean() > _NEARLY_ALL:
             return "near"
+        if np.percentile(values, _MOSTLY) < _ALL_NEAR_M:
+            return "centimetres"
         usable = share * ((values >= self._config.near) & (values <= self._config.far)).mean()
         kept = (reduce_frame(frame, self._config)[0] > 0).mean() / frame.filled
         return "scattered" if kept < _SCATTERED * usable else ""
@@ -150,14 +170,46 @@ class NobodyWatch:
             "(x right, y down, z forward) or in a body frame at the sensor (x forward, y left, z up)",
             "unit": "the depths look like another unit: a frame has metres, and the median is not between "
             "0.1 and 10",
+            "centimetres": f"everything is nearer than {_ALL_NEAR_M:g} m: the depths may be centimetres that "
+            "are taken for millimetres",
+            "inverse": "surfaces are curved as in images of inverse depth or disparity: convert it to "
+            "depth (baseline x focal length / disparity)",
             "far": f"all depths are beyond segment.far, {c.far:g} m",
-            "near": f"all depths are nearer than segment.near, {c.near:g} m",
+            "near": f"all depths are nearer than segment.near, {c.near:g} m: the lens may be covered, or the "
+            "depths be centimetres that are taken for millimetres",
             "outside the zone": f"people are seen, but outside segment.zone, {c.zone}",
             "too near or too far": "people are seen, but nearer than segment.near or farther than "
             f"segment.far, {c.near:g} to {c.far:g} m",
             "doubtful": "people are seen, but no pose fits them: most of them may be hidden, or the camera's "
             "intrinsics wrong",
         }
+
+
+def is_inverse(depth: NDArray[np.float32]) -> bool:
+    """Whether an image holds inverse depth.
+
+    Along a line of an image the inverse depth of a plane is linear, and its depth convex: by the square of
+    the relative slope, which is the unit of the curvature here.
+    """
+    found = np.concatenate([_curvatures(depth), _curvatures(depth.T)])
+    enough = len(found) >= _FEWEST_STRETCHES * depth.size
+    return bool(enough and np.median(found) < _CURVED)
+
+
+def _curvatures(depth: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Return the curvature of smooth stretches of columns that are neither flat nor steep."""
+    half = max(1, depth.shape[0] // (2 * _STRETCHES))
+    if depth.shape[0] <= 4 * half:
+        return np.zeros(0)
+    last = depth.shape[0] - 4 * half
+    five = np.stack([depth[k * half : k * half + last] for k in range(5)]).reshape(5, -1)
+    five = five[:, np.isfinite(five).all(axis=0) & (five > 0.0).all(axis=0)].astype(np.float64)
+    steps, rise = np.diff(five, axis=0), five[4] - five[0]
+    slope = rise / (2.0 * five[2])
+    is_smooth = (steps * rise > 0.0).all(axis=0) & (np.abs(steps).max(axis=0) < 0.5 * np.abs(rise))
+    used = is_smooth & (np.abs(slope) > _SLOPE) & (np.abs(slope) < _STEEP)
+    bow = 0.5 * (five[0] + five[4]) - five[2]
+    return np.asarray(bow[used] / five[2][used] / slope[used] ** 2)
 
 
 def _is_swapped(depth: NDArray[np.float32], is_set: NDArray[np.bool_]) -> bool:

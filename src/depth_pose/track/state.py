@@ -149,13 +149,18 @@ class FilterState(NamedTuple):
     ----------
     stamp_ns : int or None
         None before the first frame.
-    positions, velocity : (19, 3) float64
-        Filtered joints and their velocity, metres and m/s.
+    positions : (19, 3) float64
+        Filtered joints, metres.
+    velocity : (19, 3) float64
+        Velocity of the joints that come in, m/s; its size sets the cut-off frequency.
+    motion : (19, 3) float64
+        Velocity of the filtered joints, m/s.
     """
 
     stamp_ns: int | None = None
     positions: Array = np.zeros((0, 3))
     velocity: Array = np.zeros((0, 3))
+    motion: Array = np.zeros((0, 3))
 
 
 class Sides(NamedTuple):

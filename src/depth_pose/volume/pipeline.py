@@ -16,7 +16,7 @@ from threadpoolctl import ThreadpoolController
 from depth_pose.body.angles import angles_from_rotations
 from depth_pose.body.procedural import make_body
 from depth_pose.core.config import MAX_STAMP_GAP_NS
-from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
+from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.core.skeleton import (
     ADULT_STATURE_M,
     JOINT_NODES,
@@ -286,6 +286,4 @@ def in_world(skeleton: Skeleton, up: str) -> Skeleton:
     """Convert a skeleton from the tracker's world frame to one with another up axis."""
     if up == "y" or skeleton.is_lost:
         return skeleton
-    turn = upright_from(up)[:3, :3].T
-    rotations = turn @ quat_to_matrix(skeleton.quats_xyzw)
-    return replace(skeleton, positions=skeleton.positions @ turn.T, quats_xyzw=matrix_to_quat(rotations))
+    return skeleton.turned(upright_from(up)[:3, :3].T, np.zeros(3), skeleton.frame_id)

@@ -18,7 +18,7 @@ from depth_pose.io.clouds import OPTICAL, R_BODY_OPTICAL
 from depth_pose.ros.messages.basics import make_header
 from depth_pose.ros.transport.level import Level
 from depth_pose.ros.transport.tf import LATCHED, Transforms, pose_of, stamped
-from depth_pose.track.label_image import draw_labels
+from depth_pose.track.label_image import LabelImage
 from depth_pose.track.person_view import FramePeople
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ class RoomOutputs:
         if self._node.config is not self._config:
             self._take_settings()
         if self._labels.get_subscription_count():
-            self._labels.publish(labels_to_msg(draw_labels(people, frame, self._mount), frame))
+            self._labels.publish(labels_to_msg(LabelImage.of(people, frame, self._mount).draw(), frame))
         if finder.floor is not None and finder.floor is not self._published_floor:
             self._published_floor = finder.floor
             self._tell_floor(frame, finder.floor)

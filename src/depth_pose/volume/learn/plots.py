@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.skeleton import BONES, JOINTS
-from depth_pose.evaluate.joint_error_plot import side_colour
+from depth_pose.core.sketch import side_colour
 from depth_pose.evaluate.pictures import save_picture
 from depth_pose.volume.gp import Kernel, Regression
 from depth_pose.volume.learn.performances import Performance

@@ -1,0 +1,1 @@
+"""Skeletons sent to other programs as they are found, without ROS: OSC and WebSocket."""
