@@ -56,13 +56,13 @@ install_ros() {
     requirements numpy ros ros-build >"$logs/ros.txt" && pip install --no-compile -r "$logs/ros.txt"
 }
 fetch_packages() {
-    requirements dependencies sim view pictures gltf ${with_test:+test docs} >"$logs/packages.txt" \
+    requirements dependencies sim view pictures gltf live ${with_test:+test docs} >"$logs/packages.txt" \
         && pip wheel --wheel-dir "$wheels" -r "$logs/packages.txt"
 }
 install_packages() {
     local from=()
     if [ -d "$wheels" ]; then from=(--no-index --find-links "$wheels"); fi
-    pip install --no-compile "${from[@]}" --no-build-isolation -e ".[ros,ros-build,sim,view,pictures,gltf${with_test:+,test,docs}]" \
+    pip install --no-compile "${from[@]}" --no-build-isolation -e ".[ros,ros-build,sim,view,pictures,gltf,live${with_test:+,test,docs}]" \
         && rm -rf "$wheels"
 }
 

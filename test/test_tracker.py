@@ -48,6 +48,12 @@ def new(bank):
     return Tracker(bank, quiet=True)
 
 
+@pytest.fixture(scope="module", params=[False, True], ids=["single images", "a stream"])
+def unwarned(request, bank):
+    """A tracker that has not said anything yet, and whether its frames have times."""
+    return Tracker(bank, quiet=True), request.param
+
+
 @pytest.fixture(scope="module")
 def frame():
     """Whole millimetres, as sensors send them."""
@@ -380,16 +386,16 @@ def test_settings_come_from_a_file(bank, tmp_path):
     ],
     ids=["nothing", "centimetres", "negative", "inverse"],
 )
-@pytest.mark.parametrize("with_time", [False, True])
-def test_why_nobody_is_found_is_said_once(fresh, change, says, with_time):
-    fresh._warned = frozenset()
+def test_why_nobody_is_found_is_said_once(unwarned, change, says):
+    tracker, with_time = unwarned
+    tracker.reset()
     camera = Camera(160, 120, 110.0, 110.0, 79.5, 59.5)
     below = (np.arange(120) - camera.cy)[:, None] / camera.fy
     room = np.minimum(np.where(below > 0, 1.2 / np.maximum(below, 1e-6), np.inf), 4.0)
     depth = change(np.broadcast_to(room, (120, 160)).astype(np.float32))
     with pytest.warns(RuntimeWarning, match=says) as said:
         for k in range(20):
-            people = fresh(depth, camera, time=k / 30 if with_time else None)
+            people = tracker(depth, camera, time=k / 30 if with_time else None)
             assert people == ()
     assert sum(bool(re.search(says, str(line.message))) for line in said) == 1
     assert re.search(says, "\n".join(people.warnings))

@@ -8,7 +8,6 @@ import select
 import shutil
 import signal
 import socket
-import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -20,6 +19,7 @@ from peer import LIMIT_S, RELIABLE
 
 from depth_pose.core.skeleton import BONES, JOINTS
 from depth_pose.ros.messages.basics import make_header
+from osc_reader import read_osc
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 EXAMPLE = EXAMPLES / "subscribe_skeleton.py"
@@ -57,34 +57,6 @@ def test_it_needs_only_the_messages():
     names = {alias.name for n in ast.walk(tree) if isinstance(n, ast.Import) for alias in n.names}
     names |= {n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
     assert {name.partition(".")[0] for name in names} == {"rclpy", "depth_pose_msgs"}
-
-
-def read_osc(data):
-    """(address, arguments) of a message or of all in a bundle, after the OSC 1.0 specification."""
-    if data.startswith(b"#bundle\0"):
-        at = 16
-        while at < len(data):
-            (size,) = struct.unpack_from(">i", data, at)
-            yield from read_osc(data[at + 4 : at + 4 + size])
-            at += 4 + size
-        return
-    address, at = osc_text(data, 0)
-    kinds, at = osc_text(data, at)
-    values = []
-    for kind in kinds[1:]:
-        if kind == "f":
-            values.append(struct.unpack_from(">f", data, at)[0])
-            at += 4
-        else:
-            assert kind == "s"
-            text, at = osc_text(data, at)
-            values.append(text)
-    yield address, values
-
-
-def osc_text(data, at):
-    end = data.index(b"\0", at)
-    return data[at:end].decode(), (end // 4 + 1) * 4
 
 
 def test_osc(start, peer):

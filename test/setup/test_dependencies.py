@@ -44,7 +44,7 @@ def depends(folder):
     return {e.text for e in root if e.tag in ("depend", "exec_depend", "buildtool_depend")}
 
 
-BROUGHT = {"lz4": "mcap", "websockets": "viser", "zstandard": "mcap"}
+BROUGHT = {"lz4": "mcap", "zstandard": "mcap"}
 """What is imported and comes with another that is in the list: that one, by the names of packages."""
 
 PACKAGES = {

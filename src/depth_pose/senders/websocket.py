@@ -98,11 +98,11 @@ class WebSocketSender:
         self.close()
 
     def _serve(self, client: ServerConnection) -> None:
-        """Send each newest frame to one client until either side closes."""
+        """Send the newest frame, and each newer one, to one client until either side closes."""
         from websockets.exceptions import ConnectionClosed
         from websockets.protocol import State
 
-        sent = self._number
+        sent = 0
         try:
             while self._is_open and client.state is State.OPEN:
                 with self._news:
