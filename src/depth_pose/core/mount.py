@@ -6,6 +6,7 @@ the optical axis, which changes no depth, and skeletons are rotated back into th
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
