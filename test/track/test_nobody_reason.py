@@ -43,6 +43,8 @@ IMAGES: dict[str, tuple[Change, SegmentConfig, str]] = {
     "bytes swapped": (swapped, SegmentConfig(), "byte-swapped"),
     "all beyond far": (lambda depth: depth, SegmentConfig(far=1.5), "beyond segment.far, 1.5 m"),
     "all nearer than near": (lambda depth: 0.1 * depth, SegmentConfig(near=0.6), "segment.near, 0.6 m"),
+    "centimetres": (lambda depth: 0.18 * depth, SegmentConfig(), "may be centimetres"),
+    "inverse depth": (lambda depth: 1.0 / depth, SegmentConfig(), "inverse depth or disparity"),
     "a room": (lambda depth: np.full_like(depth, 3.0), SegmentConfig(), ""),
     "noise": (lambda depth: RNG.uniform(0.5, 7.0, depth.shape), SegmentConfig(), ""),
 }
