@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from depth_pose.bank.bank import Bank
+    from depth_pose.body.joint_angles import JOINT_ANGLES, JointAngle, JointAngles, joint_angles
     from depth_pose.core.camera import Camera, Lens
     from depth_pose.core.config import PipelineConfig
     from depth_pose.core.errors import BankError, ConfigError, DepthPoseError, InputError
@@ -36,6 +37,7 @@ __version__ = "0.2.0"
 __all__ = [
     "BONES",
     "JOINTS",
+    "JOINT_ANGLES",
     "Bank",
     "BankError",
     "Camera",
@@ -45,6 +47,8 @@ __all__ = [
     "Floor",
     "InputError",
     "Joint",
+    "JointAngle",
+    "JointAngles",
     "JointName",
     "JointState",
     "Lens",
@@ -58,6 +62,7 @@ __all__ = [
     "Tracking",
     "WebSocketSender",
     "draw",
+    "joint_angles",
     "read_recording",
     "read_skeletons",
 ]
@@ -66,6 +71,7 @@ _PLACES = {
     "bank.bank": ("Bank",),
     "core.camera": ("Camera", "Lens"),
     "core.config": ("PipelineConfig",),
+    "body.joint_angles": ("JOINT_ANGLES", "JointAngle", "JointAngles", "joint_angles"),
     "core.errors": ("BankError", "ConfigError", "DepthPoseError", "InputError"),
     "core.skeleton": ("BONES", "JOINTS", "JointName", "JointState", "Source", "Tracking"),
     "core.types": ("DepthFrame", "Joint", "Skeleton"),

@@ -16,6 +16,7 @@ from depth_pose.core.outputs import refuse_inputs
 from depth_pose.io.mcap_write import SkeletonWriter
 
 if TYPE_CHECKING:
+    from depth_pose.detect.floor import Floor
     from depth_pose.passes import Gain, SecondPass
 
 _LONGEST_PAUSE_S = 2.0
@@ -23,6 +24,13 @@ _LONGEST_PAUSE_S = 2.0
 
 NOTE = "depth_pose"
 """Name of the metadata record with the provenance of an output."""
+
+FLOOR = "depth_pose_floor"
+"""Name of the metadata record with the floor's plane, or with `_MOVED` where it changed."""
+_MOVED = {"moved": "yes"}
+_MOST_CHANGES = 2
+"""Maximum number of changes of the floor in a recording of a sensor that stands still: a table is taken for
+it until the floor is seen. Set by hand."""
 
 
 class Reader(Protocol):
@@ -55,7 +63,10 @@ class Method(Protocol):
         """Warnings about the frames since the last reset, one line each."""
 
     def process_frame(self, frame: Any, /) -> Any:
-        """Process one frame; the result has all ``skeletons``, and the followed person's ``skeleton``."""
+        """Process one frame.
+
+        The result has all ``skeletons``, the followed person's ``skeleton``, and may have the ``floor``.
+        """
 
 
 @dataclass(frozen=True)
@@ -185,6 +196,8 @@ def process_recording(
             warnings=(*reader.warnings, *(f"{reader.path}: {line}" for line in pipeline.warnings), *reasons),
             gain=second.gain if second else None,
         )
+        if first.floor_moved or first.floor is not None:
+            writer.write_metadata(FLOOR, _MOVED if first.floor is None else first.floor.to_metadata())
         if note is not None:
             writer.write_metadata(NOTE, note(summary))
     return summary
@@ -227,6 +240,11 @@ class Paced:
         return self._reader.warnings
 
 
+def has_moved(record: Mapping[str, str] | None) -> bool:
+    """Whether a recording's metadata record `FLOOR` says that the sensor moved."""
+    return record == _MOVED
+
+
 class _Answers:
     """Results of the method for each usable frame, in order.
 
@@ -236,11 +254,18 @@ class _Answers:
         Processing time of each answered frame.
     refused : Counter
         Frames that the method refused, by reason.
+    floor : Floor or None
+        The floor, if the method found one and it never moved.
+    floor_moved : bool
     """
 
     def __init__(self, reader: Reader, method: Method, progress: Callable[[int], None] | None) -> None:
         self.times_ms: list[float] = []
         self.refused: Counter[str] = Counter()
+        self.floor: Floor | None = None
+        self.floor_moved = False
+        self._newest: Floor | None = None
+        self._changes = 0
         self._reader, self._method, self._progress = reader, method, progress
         self._counted = 0
 
@@ -254,8 +279,19 @@ class _Answers:
                 self.refused[str(error)] += 1
                 continue
             self.times_ms.append((time.perf_counter() - start) * 1e3)
+            self._look_at(getattr(result, "floor", None))
             yield result
             self._tell()
+
+    def _look_at(self, floor: Floor | None) -> None:
+        """Keep the newest floor; none any more where the sensor has moved."""
+        if floor is None or self.floor_moved:
+            return
+        if self._newest is not None and not floor.is_like(self._newest):
+            self._changes += 1
+        self._newest = floor
+        self.floor_moved = self._changes > _MOST_CHANGES
+        self.floor = None if self.floor_moved else floor
 
     def count(self) -> None:
         """Count a frame of the second pass."""

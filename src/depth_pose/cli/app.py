@@ -20,6 +20,7 @@ from depth_pose.cli.fusion import add_to as add_fusion
 from depth_pose.cli.info import add_to as add_info
 from depth_pose.cli.live import add_to as add_live
 from depth_pose.cli.look import add_to as add_look
+from depth_pose.cli.report import add_to as add_report
 from depth_pose.cli.rooms import add_to as add_rooms
 from depth_pose.cli.run import add_to as add_run
 from depth_pose.cli.scoring import add_to as add_scoring
@@ -67,6 +68,8 @@ def _main(
 
     [bold]Export them:[/bold]  depth-pose export out.mcap -o motion.bvh
 
+    [bold]Measure gait and joint angles:[/bold]  depth-pose report out.mcap -o report.html
+
     [bold]Live, on a sensor's topics:[/bold]  depth-pose up
 
     [bold]Calibrate several cameras:[/bold]  depth-pose calibrate a.mcap b.mcap -o rig.yaml
@@ -86,6 +89,7 @@ add_scoring(app)
 add_rooms(app)
 add_view(app)
 add_export(app)
+add_report(app)
 app.add_typer(bank_app, name="bank")
 app.add_typer(volume_app, name="volume")
 

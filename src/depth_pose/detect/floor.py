@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -64,11 +64,18 @@ class Floor:
         Height of the sensor above the floor, metres.
     source : str
         Source of the estimate.
+    deviation : float
+        Standard deviation of the floor's height under the people, metres; that of depth images is measured on
+        simulated rooms, as the next.
+    tilt_deviation_deg : float
+        Standard deviation of ``up``, degrees.
     """
 
     up: Array
     height: float
     source: str = "depth images"
+    deviation: float = 0.01
+    tilt_deviation_deg: float = 0.5
 
     @property
     def plane(self) -> Array:
@@ -100,7 +107,21 @@ class Floor:
 
     def turned(self, rotation: Array) -> Floor:
         """Return the floor in a rotated frame: ``rotation`` (3, 3) maps vectors to it."""
-        return Floor(rotation @ self.up, self.height, self.source)
+        return replace(self, up=rotation @ self.up)
+
+    def to_metadata(self) -> dict[str, str]:
+        """Return the plane as a metadata record of a recording holds it; see `from_metadata`."""
+        return {"up": " ".join(repr(float(v)) for v in self.up), "height": repr(float(self.height))}
+
+    @classmethod
+    def from_metadata(cls, values: Mapping[str, str]) -> Floor | None:
+        """Return the floor of a metadata record; None if that does not hold one."""
+        try:
+            up, height = np.array([float(v) for v in values["up"].split()]), float(values["height"])
+        except (KeyError, ValueError):
+            return None
+        is_plane = up.shape == (3,) and abs(np.linalg.norm(up) - 1.0) < 1e-6 and np.isfinite(height)
+        return cls(up, height) if is_plane else None
 
 
 def stands_on(points: NDArray[np.floating], floor: Floor) -> bool:

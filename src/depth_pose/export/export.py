@@ -15,12 +15,13 @@ from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.outputs import check_targets, new_file, new_text_file
 from depth_pose.detect.floor import Floor
 from depth_pose.export.bvh import bvh_text
-from depth_pose.export.floor import floor_of_depth, floor_of_feet, some_frames
+from depth_pose.export.floor import FLOOR_FRAME, find_floor, on_floor
 from depth_pose.export.tables import npz_arrays, write_csv
 from depth_pose.export.tracks import (
     MOST_FRAMES,
     Track,
     Tracks,
+    chosen,
     even,
     even_step_s,
     fill_gaps,
@@ -30,7 +31,6 @@ from depth_pose.export.tracks import (
     whole,
 )
 from depth_pose.export.trc import trc_text
-from depth_pose.io.mcap_read import DepthReader
 from depth_pose.io.schemas import PEOPLE_TOPIC
 from depth_pose.rooms.rig import ROOM_FRAME
 
@@ -44,9 +44,6 @@ FORMATS = {
 
 UNITS = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
 """Units of length, per metre."""
-
-FLOOR_FRAME = "floor"
-"""Name of the frame on the floor."""
 
 _USUAL_UNIT = {".bvh": "m", ".trc": "mm"}
 _A_FILE_A_PERSON = (".bvh", ".trc")
@@ -118,7 +115,8 @@ def export_skeletons(
         ``camera``, or ``floor``: z up, the origin on the floor below the sensor. Skeletons in a room's
         frame (`depth_pose.rooms.rig.ROOM_FRAME`) stay in it with both: z is up, the floor at z = 0.
     recording : Path or str, optional
-        The depth recording in which to find the floor; without it, the floor is estimated from feet.
+        The depth recording in which to find the floor; without it, it is the one that `run` recorded, or is
+        estimated from feet.
     unit : str, optional
         ``m``, ``cm`` or ``mm`` of BVH (m) and TRC (mm); the others are in metres.
     topic, depth_topic : str, optional
@@ -135,12 +133,12 @@ def export_skeletons(
     kind = output.suffix.lower()
     _check(output, kind, world, unit, recording)
     check_targets([output], [skeletons, recording])
-    found = _chosen(read_tracks(skeletons, topic), people, skeletons)
+    found = chosen(read_tracks(skeletons, topic), people, skeletons)
     if found.frame_id == ROOM_FRAME and recording is not None:
         raise ConfigError(f"{skeletons} is in the room's frame, whose floor is known; leave out --recording")
     seeks_floor = world == "floor" and found.frame_id != ROOM_FRAME
-    floor = _floor(found, recording, depth_topic) if seeks_floor else None
-    tracks = found if floor is None else _on_floor(found, floor)
+    floor = find_floor(found, skeletons, recording, depth_topic) if seeks_floor else None
+    tracks = found if floor is None else on_floor(found, floor)
     if kind in _A_FILE_A_PERSON:
         unit = unit or _USUAL_UNIT[kind]
         check_targets(_paths_of(output, tracks), [skeletons, recording])
@@ -182,34 +180,6 @@ def _check(output: Path, kind: str, world: str, unit: str | None, recording: Pat
         raise ConfigError(f"{kind} files are in metres; the unit is for {' and '.join(_USUAL_UNIT)}")
     if recording is not None and world != "floor":
         raise ConfigError("the depth recording is for finding the floor; use it with the world floor")
-
-
-def _chosen(tracks: Tracks, people: Sequence[str], source: Path | str) -> Tracks:
-    known = [track.body_id for track in tracks.people]
-    missing = [who for who in people if who not in known]
-    if missing:
-        raise InputError(
-            f"{source} has nobody with the id {missing[0]}; it has {', '.join(known) or 'nobody'}"
-        )
-    if not known:
-        raise InputError(
-            f"{source} shows nobody in {len(tracks.stamps_ns)} frames; there is nothing to write"
-        )
-    return replace(tracks, people=tuple(t for t in tracks.people if not people or t.body_id in people))
-
-
-def _floor(tracks: Tracks, recording: Path | str | None, depth_topic: str | None) -> Floor:
-    guess = floor_of_feet(tracks.people)
-    if recording is None:
-        return guess
-    reader = DepthReader(recording, depth_topic)
-    found = floor_of_depth(some_frames(reader, len(reader)), guess)
-    return guess if found is None else found
-
-
-def _on_floor(tracks: Tracks, floor: Floor) -> Tracks:
-    turned = tuple(in_world(track, floor.T_floor_camera, FLOOR_FRAME) for track in tracks.people)
-    return replace(tracks, people=turned, frame_id=FLOOR_FRAME)
 
 
 def _write_each(output: Path, kind: str, tracks: Tracks, fill: bool, unit: str) -> tuple[Exported, ...]:

@@ -153,6 +153,27 @@ def tracks_of(frames: Mapping[int, Sequence[Skeleton]], frame_id: str) -> Tracks
     return Tracks(stamps_ns, frame_id, people)
 
 
+def chosen(tracks: Tracks, people: Sequence[str], source: Path | str) -> Tracks:
+    """Select people by ``body_id``, all if none are named; ``source`` is named in errors.
+
+    Raises
+    ------
+    InputError
+        Where one of them, or anybody, is missing.
+    """
+    known = [track.body_id for track in tracks.people]
+    missing = [who for who in people if who not in known]
+    if missing:
+        raise InputError(
+            f"{source} has nobody with the id {missing[0]}; it has {', '.join(known) or 'nobody'}"
+        )
+    if not known:
+        raise InputError(
+            f"{source} shows nobody in {len(tracks.stamps_ns)} frames; there is nothing to write"
+        )
+    return replace(tracks, people=tuple(t for t in tracks.people if not people or t.body_id in people))
+
+
 def _track(body_id: str, frames: dict[int, Skeleton], stamps_ns: NDArray[np.int64]) -> Track:
     first, last = min(frames), max(frames)
     track = _empty(body_id, next(iter(frames.values())).frame_id, stamps_ns[first : last + 1])

@@ -19,7 +19,8 @@ def load_motion(motion: str, fps: float, seconds: float, seed: int = 0) -> Clip:
     Parameters
     ----------
     motion : str
-        A name of `depth_pose.motion.procedural.generator.CLIPS`, or a BVH file.
+        A name of `depth_pose.motion.procedural.generator.CLIPS` or `depth_pose.sim.function.FUNCTION_CLIPS`,
+        or a BVH file.
     fps : float
         Frames per second.
     seconds : float
@@ -37,9 +38,13 @@ def load_motion(motion: str, fps: float, seconds: float, seed: int = 0) -> Clip:
 
         return resample_clip(read_bvh(Path(motion)), fps, seconds)
     from depth_pose.motion.procedural.generator import CLIPS, make_clip
+    from depth_pose.sim.function import FUNCTION_CLIPS
 
+    if motion in FUNCTION_CLIPS:
+        return FUNCTION_CLIPS[motion](fps, seconds, seed)
     if motion not in CLIPS:
-        raise ConfigError(f"there is no motion {motion!r}; it is a .bvh file or one of {', '.join(CLIPS)}")
+        known = ", ".join((*CLIPS, *FUNCTION_CLIPS))
+        raise ConfigError(f"there is no motion {motion!r}; it is a .bvh file or one of {known}")
     return make_clip(motion, fps, seconds, seed)
 
 

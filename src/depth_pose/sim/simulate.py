@@ -1,7 +1,8 @@
 """Recordings of a virtual sensor that sees a moving person, with known joints.
 
 The truth file beside a recording holds ``joints`` (T, 19, 3) float32 in the optical frame,
-metres; ``names``; ``stamps_ns`` (T,); ``seen`` (T, 19), whether the joint is on the side of the
+metres; ``quats_xyzw`` (T, 19, 4) float32, rotation of the segment that begins at each joint, rest pose to
+optical frame; ``names``; ``stamps_ns`` (T,); ``seen`` (T, 19), whether the joint is on the side of the
 body that the camera sees; ``K`` (3, 3); ``box`` (6,), least and greatest x, y, z of the
 body over the whole clip.
 """
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.outputs import new_file
+from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.core.skeleton import ADULT_STATURE_M, JOINT_NODES, JOINTS, NODE_INDEX, rest_nodes
 from depth_pose.io.mcap_write import DepthWriter
 from depth_pose.sim.config import Placement, Room
@@ -43,6 +45,8 @@ class Truth:
     ----------
     joints : (T, 19, 3) float32
         Optical frame, metres.
+    quats_xyzw : (T, 19, 4) float32
+        Rotation of the segment that begins at each joint, rest pose to optical frame.
     stamps_ns : (T,) int64
     seen : (T, 19) bool
     K : (3, 3) float64
@@ -51,6 +55,7 @@ class Truth:
     """
 
     joints: NDArray[np.float32]
+    quats_xyzw: NDArray[np.float32]
     stamps_ns: NDArray[np.int64]
     seen: NDArray[np.bool_]
     K: NDArray[np.float64]
@@ -61,6 +66,7 @@ class Truth:
         np.savez_compressed(
             stream,
             joints=self.joints,
+            quats_xyzw=self.quats_xyzw,
             stamps_ns=self.stamps_ns,
             names=np.array(JOINTS),
             seen=self.seen,
@@ -121,6 +127,7 @@ def simulate(
     frames = len(roots)
     stamps = START_NS + np.rint(np.arange(frames) * 1e9 / stage.sensor.fps).astype(np.int64)
     joints = np.zeros((frames, len(JOINTS), 3))
+    quats = matrix_to_quat(T_camera_model[:3, :3] @ clip.rotations[:, JOINT_NODES])
     seen = np.zeros((frames, len(JOINTS)), bool)
     box = np.array([[np.inf] * 3, [-np.inf] * 3])
     camera = stage.sensor.camera
@@ -137,7 +144,14 @@ def simulate(
             )
             if progress:
                 progress(i + 1, frames)
-        truth = Truth(joints.astype(np.float32), stamps, seen, camera.matrix(), box.ravel())
+        truth = Truth(
+            joints=joints.astype(np.float32),
+            quats_xyzw=quats.astype(np.float32),
+            stamps_ns=stamps,
+            seen=seen,
+            K=camera.matrix(),
+            box=box.ravel(),
+        )
         truth.save(beside)
     return truth
 

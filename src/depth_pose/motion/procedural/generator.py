@@ -103,15 +103,19 @@ def make_clip(name: str, fps: float = 30.0, seconds: float = 10.0, seed: int = 0
     return clip_from_motion(name, FAMILIES[name].motion(t, Draw(rng, ())), fps)
 
 
-def clip_from_motion(name: str, motion: Motion, fps: float) -> Clip:
-    """Make a clip of postures over time: within all limits, smooth, feet on the floor."""
+def clip_from_motion(name: str, motion: Motion, fps: float, stays: bool = True) -> Clip:
+    """Make a clip of postures over time: within all limits, smooth, feet on the floor.
+
+    With ``stays`` the person stays within about `STAY_WITHIN_M` of the path's middle.
+    """
     rotations = bring_through_gates(motion.angles).rotations
     # Pushed limbs and clamped joints start and stop suddenly; people do not. Smoothing moves
     # limbs into the body again, less each time.
     for sigma_s in _SMOOTH_S:
         rotations = separate_limbs(clamp_rotations(smooth_rotations(rotations, sigma_s * fps))).rotations
     rotations = smooth_rotations(rotations, _SMOOTH_S[-1] * fps)
-    return Clip(name, float(fps), rotations, _stay_near(walk_on_floor(rotations, motion.lift), fps))
+    roots = walk_on_floor(rotations, motion.lift)
+    return Clip(name, float(fps), rotations, _stay_near(roots, fps) if stays else roots)
 
 
 def smooth_rotations(rotations: Array, sigma_frames: float) -> Array:
