@@ -18,7 +18,7 @@ from depth_pose.analysis.report import PersonReport, Report
 from depth_pose.analysis.rising import pelvis_share
 from depth_pose.body.joint_angles import JOINT_ANGLE_INDEX
 from depth_pose.core.printable import printable
-from depth_pose.evaluate.joint_error_plot import LEFT, MIDDLE, RIGHT
+from depth_pose.core.sketch import LEFT, MIDDLE, RIGHT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
