@@ -21,8 +21,6 @@ from command_line import make_parser
 
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.bank.build import BuildConfig, build_bank
-from depth_pose.body.pose import BodyPose, FittedBody
-from depth_pose.body.rendered_depth import DepthComparer
 from depth_pose.core.config import MatchConfig, PersonalConfig, PipelineConfig
 from depth_pose.detect.tuning import DetectTuning
 from depth_pose.evaluate.truth import load_truth
@@ -31,7 +29,6 @@ from depth_pose.match.tuning import MatchTuning
 from depth_pose.motion.procedural.generator import POSTURE_SHARES, make_poses
 from depth_pose.pipeline import PosePipeline
 from depth_pose.recover.tuning import RecoverTuning
-from depth_pose.refine.limbs import LimbSearch
 from depth_pose.refine.tuning import FitTuning, RefineTuning
 from depth_pose.tuning import Tuning
 from parts.confidence import simulated
@@ -47,22 +44,12 @@ VARIANTS: dict[str, tuple[PipelineConfig, Tuning]] = {
         "no pull to the joint net's joints": Tuning(fit=FitTuning(proposal_weight=0.0)),
         "no pose of the frame before": Tuning(refine=RefineTuning(track=False)),
         "no recovery": Tuning(recover=RecoverTuning(enabled=False)),
-        "four times the shortlist": Tuning(match=MatchTuning(shortlist=4 * MatchTuning().shortlist)),
         "a search for exemplars in every frame": Tuning(match=MatchTuning(search_every=1)),
         "a search for people in every frame": Tuning(detect=DetectTuning(find_every=1)),
     }.items()
 }
 """The whole pipeline, and variants without one part."""
-NO_LIMB_SEARCH = "no limbs exchanged"
 NO_POSTURES = "no seated, lying, kneeling ... postures in the bank"
-
-
-class NoLimbs(LimbSearch):
-    """Limb search without proposals."""
-
-    def propose(self, body: FittedBody, comparer: DepthComparer) -> list[BodyPose]:
-        """Return no proposals."""
-        return []
 
 
 def without_postures(bank: Bank) -> Bank:
@@ -76,8 +63,6 @@ def make_pipelines(banks: dict[str, Bank]) -> dict[str, PosePipeline]:
     """Build the pipelines of all variants: for the first bank all, for others the whole pipeline."""
     first = next(iter(banks.values()))
     pipelines = {name: PosePipeline(first, *variant) for name, variant in VARIANTS.items()}
-    pipelines[NO_LIMB_SEARCH] = PosePipeline(first)
-    pipelines[NO_LIMB_SEARCH].refiner.limbs = NoLimbs(first)
     pipelines[NO_POSTURES] = PosePipeline(without_postures(first))
     for name, bank in list(banks.items())[1:]:
         pipelines[f"bank {name}"] = PosePipeline(bank)

@@ -10,10 +10,7 @@ import pytest
 import synthetic as syn
 from depth_pose.bank.views import DISTANCE_M, view_directions, view_rotation
 from depth_pose.core.config import PersonalConfig
-from depth_pose.core.measurement import JointMeasurement
-from depth_pose.core.skeleton import JOINT_NODES, MIRROR_JOINTS, MIRROR_NODES, NODE_INDEX
 from depth_pose.match.match import match_confidence
-from depth_pose.match.placing import join
 from depth_pose.match.tuning import MatchTuning
 from depth_pose.tuning import Tuning
 from stages import make_matcher
@@ -148,39 +145,3 @@ def test_warm_up_leaves_no_trace(bank):
     assert [(c.exemplar, c.view, c.score) for c in a.candidates] == [
         (c.exemplar, c.view, c.score) for c in b.candidates
     ]
-
-
-@pytest.mark.parametrize(("margin", "is_kept"), [(0.01, True), (0.2, False)])
-def test_a_facing_that_agrees_nearly_as_well_is_kept(bank, matcher, margin, is_kept):
-    """Four exemplars that face one way, and behind them one that faces the other way."""
-    person = seen_as_in_the_bank(bank, 31, 4)[1].persons[0]
-    rough = matcher.exemplars.compare_roughly(person, 1.0, 64)
-    best = rough.take(rough.ranking()[:1])
-    steps = [0.2 * k * np.array([1.0, 0.0, 0.0]) for k in range(4)]
-    alike = [best._replace(nodes=best.nodes + s, translations=best.translations + s) for s in steps]
-    half = best.rotations @ syn.rotation("y", 180.0)
-    turned = best._replace(rotations=half, nodes=best.nodes[:, MIRROR_NODES], scores=best.scores + margin)
-    kept = matcher.exemplars.keep_different(join([*alike, turned]), None)
-    assert len(kept) == MatchTuning().keep
-    assert any((c.rotation == half[0]).all() for c in kept) == is_kept
-
-
-@pytest.mark.parametrize("view", [1, 4, 6])
-@pytest.mark.parametrize("swapped", [False, True])
-def test_a_candidate_faces_as_the_proposed_joints_do(bank, matcher, swapped, view):
-    """Even where all that agree best face the other way."""
-    nodes, people = seen_as_in_the_bank(bank, 31, view)
-    joints = nodes[JOINT_NODES][MIRROR_JOINTS if swapped else slice(None)].astype(np.float32)
-    sure, sigma = np.ones(len(joints), np.float32), np.full((len(joints), 2), 0.05, np.float32)
-    (person,) = people.persons
-    found = replace(person.found, measured=JointMeasurement(joints, sigma, sure))
-    matcher.reset()
-    (match,) = matcher.match(replace(people, persons=(replace(person, found=found),)))
-
-    def across(at):
-        left, right = ([NODE_INDEX[f"{side}_{n}"] for n in ("shoulder", "hip")] for side in ("left", "right"))
-        return at[left].sum(axis=0) - at[right].sum(axis=0)
-
-    facing = [across(nodes_of(bank, c)) @ across(nodes) > 0.0 for c in match.candidates]
-    assert (not swapped) in facing
-    assert facing[0]  # the one that agrees best stays the first

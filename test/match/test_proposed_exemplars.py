@@ -11,10 +11,9 @@ import synthetic as syn
 from depth_pose.body.pose import BodyPose
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
-from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, MIRROR_JOINTS, forward_kinematics
+from depth_pose.core.skeleton import JOINT_NODES, MIRROR_JOINTS, forward_kinematics
 from depth_pose.match.proposed_exemplars import ProposedExemplars
 from depth_pose.refine.objective import distance_from
-from depth_pose.refine.proposals import aim_at_proposals
 
 AHEAD = np.array([0.3, 0.1, 2.6])
 
@@ -61,37 +60,6 @@ def test_a_joint_that_nobody_is_sure_of_does_not_count(bank, exemplars):
 
 def test_without_proposals_there_is_nothing(bank, exemplars):
     assert exemplars.find(None, 1.0) is None
-    assert aim_at_proposals(bank.body, pose_of(bank, 0, 0.0), None) == []
-
-
-@pytest.mark.parametrize("limb", [("hip", "knee", "ankle", "foot"), ("shoulder", "elbow", "wrist")])
-def test_limbs_are_aimed_where_proposals_are_sure_and_nowhere_else(bank, limb):
-    start, target = pose_of(bank, 12, 0.0), pose_of(bank, 90, 0.0)
-    own, wanted = joints_of(bank.body, start), joints_of(bank.body, target)
-    root, middle, end, *more = (JOINT_INDEX[f"left_{name}"] for name in limb)
-    confidence = np.full(19, 0.1)
-    confidence[[middle, end]] = 0.9
-    sure = replace(found(wanted, confidence), sigma=np.full((19, 2), 0.001, np.float32))
-    (aimed,) = aim_at_proposals(bank.body, start, sure)
-    reached = joints_of(bank.body, aimed)
-    others = np.delete(np.arange(19), [middle, end, *more])
-    np.testing.assert_allclose(reached[others], own[others], atol=1e-6)
-    bone, way = reached[middle] - reached[root], wanted[middle] - own[root]
-    assert bone @ way > 0.999 * np.linalg.norm(bone) * np.linalg.norm(way)
-    assert np.linalg.norm(reached[end] - wanted[end]) < np.linalg.norm(own[end] - wanted[end])
-    assert aim_at_proposals(bank.body, start, found(wanted, 0.1)) == []
-
-
-def test_arms_near_their_proposals_stay(bank):
-    start = pose_of(bank, 12, 0.0)
-    wanted, confidence = joints_of(bank.body, start), np.full(19, 0.1)
-    wrist = JOINT_INDEX["left_wrist"]
-    wanted[wrist] += 0.1
-    confidence[wrist] = 0.9
-    unsure = replace(found(wanted, confidence), sigma=np.full((19, 2), 0.05, np.float32))
-    assert aim_at_proposals(bank.body, start, unsure) == []
-    surer = replace(unsure, sigma=np.full((19, 2), 0.01, np.float32))
-    assert len(aim_at_proposals(bank.body, start, surer)) == 1
 
 
 def test_distances_from_proposals_count_in_their_standard_deviations(bank):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,8 +13,6 @@ from depth_pose.core.errors import BankError
 from depth_pose.core.skeleton import JOINT_NODES, Source
 from depth_pose.core.types import Candidate, PoseMatch
 from depth_pose.recover.confidence import fit_confidence
-from depth_pose.refine.body_fitter import BodyFitter
-from depth_pose.refine.refine import Refiner
 from depth_pose.refine.tuning import RefineTuning
 from depth_pose.tuning import Tuning
 from stages import make_matcher, make_refiner
@@ -99,40 +96,9 @@ def test_a_wrong_pose_that_converged_gives_way(bank):
     assert errors[-1] < 0.04 < 0.06 < errors[-2]
 
 
-class CountingFitter:
-    """Counts the starts that are glanced at."""
-
-    def __init__(self, fitter):
-        self.fitter, self.glances = fitter, 0
-
-    def fit_to(self, person, build):
-        fit = self.fitter.fit_to(person, build)
-
-        def glance(start):
-            self.glances += 1
-            return fit.glance(start)
-
-        return SimpleNamespace(glance=glance, rough=fit.rough, finish=fit.finish)
-
-
-def test_exemplars_that_lost_are_not_fitted_again_before_the_next_search(bank):
-    _, people = scene(bank, 31)
-    bodies = BodyFitter(bank.body)
-    fitter = CountingFitter(bodies)
-    refiner = Refiner(bank, bodies, fitter)
-    spent = []
-    for k, exemplar in enumerate((31, 31, 31, 208)):
-        refined(refiner, syn.restamped(people, people.stamp_ns + k * syn.STEP_NS), candidate(exemplar))
-        spent.append(fitter.glances - sum(spent))
-    assert spent[0] > 1
-    assert spent[1:3] == [0, 0]
-    assert spent[3] > 0
-
-
-@pytest.mark.parametrize("beam", [1, 2, 3])
-def test_a_pose_is_followed_however_many_are_kept(bank, beam):
+def test_a_pose_is_followed(bank):
     posed, people = scene(bank, 208)
-    refiner = refiner_of(bank, beam=beam)
+    refiner = refiner_of(bank)
     for k, start in enumerate([candidate(208, 35.0), *[candidate(75, 200.0)] * 3]):
         now = syn.restamped(people, people.stamp_ns + k * syn.STEP_NS)
         fitted = refined(refiner, now, start)

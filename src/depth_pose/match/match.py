@@ -115,9 +115,7 @@ class Matcher:
         placed = self.exemplars.find(person, scale)
         if not is_new and not sizes.is_known(search):
             search = sizes.add(search, person, self.exemplars.pose(placed, 0, scale))
-        match = PoseMatch(
-            person.body_id, self.bank.bank_id, scale, self.exemplars.keep_different(placed, person.measured)
-        )
+        match = PoseMatch(person.body_id, self.bank.bank_id, scale, self.exemplars.keep_different(placed))
         schedule = turns.keep(state.schedule, person, match, every)
         return state._replace(schedule=schedule, shape=state.shape._replace(search=search)), match
 

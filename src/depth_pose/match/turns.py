@@ -1,6 +1,6 @@
 """Carry matched exemplars along between searches.
 
-A match is a start for the fit, which itself finds arms and legs that leave it (`depth_pose.refine.limbs`); a
+A match is a start for the fit, which itself turns arms and legs to the measured joints; a
 search in every frame is needed only for people who do not keep their pose. A matched person keeps the
 candidates for some frames, moved along with the person's points. Searches for several people are spread over
 the frames: the first interval may be shorter, so that people with consecutive ids take turns.

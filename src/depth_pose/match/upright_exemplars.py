@@ -3,7 +3,7 @@
 The axes and the centre of half a body differ from those of a whole one, so the bank's views do not match it.
 But such a person stands or sits upright with the head in view. Therefore upright exemplars, rotated in steps
 about the camera's vertical, are aligned at the head. The comparison by rendered depth, which ignores
-everything beyond the image, and the limb search select among them.
+everything beyond the image, selects among them.
 """
 
 from __future__ import annotations

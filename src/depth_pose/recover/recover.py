@@ -35,10 +35,9 @@ from depth_pose.recover.report import to_skeleton
 from depth_pose.recover.smooth import low_pass, with_motion
 from depth_pose.recover.tuning import RecoverTuning
 from depth_pose.refine.body_fitter import BodyFitter
-from depth_pose.refine.hypotheses import Hypothesis, ScoredFit
 from depth_pose.refine.objective import Objective
 from depth_pose.refine.skeleton_pose import about_face
-from depth_pose.refine.solver import Problem, solve
+from depth_pose.refine.solver import Hypothesis, Problem, ScoredFit, solve
 from depth_pose.track.person_odds import PersonOdds
 from depth_pose.track.person_view import FramePeople, PersonView
 from depth_pose.track.sample_people import sample_people
@@ -259,8 +258,7 @@ class Recoverer:
     def _solved(self, person: PersonView, start: Hypothesis, build: NDArray[np.float32]) -> ScoredFit:
         """Fit one hypothesis to one person's frame."""
         fit, score = self._bodies.fit_to(person, build), self._objective.score
-        (solved,) = solve([start], Problem(fit, lambda body: score(person, body), lambda _: []))
-        return solved
+        return solve([start], Problem(fit, lambda body: score(person, body)), is_measured=False)
 
 
 def _is_over(known: Answer, stamp_ns: int, max_time: float) -> bool:

@@ -1,1 +1,1 @@
-"""The articulated fit, limb search, priors and personal builds (Ye et al. Sec. 6)."""
+"""The articulated fit, the solver, priors and personal builds (Ye et al. Sec. 6)."""

@@ -3,9 +3,8 @@
 There are two methods with one interface. ``articulated`` fits joint angles of the skinned body
 (`depth_pose.refine.articulated`). ``cpd`` is the paper's: non-rigid registration of the exemplar's visible
 vertices, Laplacian completion of the mesh, and joints from control vertices (`depth_pose.paper.completion`).
-Starts come from `depth_pose.refine.sources`, are fitted by `depth_pose.refine.solver`, compared by
-`depth_pose.refine.objective`, and one is chosen by `depth_pose.refine.choice`. Exemplars that lost to the
-previous answer are not fitted again before the next search, unless the answer is doubtful.
+Starts come from `depth_pose.refine.sources`, are fitted by `depth_pose.refine.solver`, and compared by
+`depth_pose.refine.objective`.
 """
 
 from __future__ import annotations
@@ -23,19 +22,14 @@ from depth_pose.core.skeleton import Source
 from depth_pose.core.types import Candidate, PoseMatch
 from depth_pose.refine.body_fitter import BodyFitter, PersonFitter
 from depth_pose.refine.build_learner import BuildLearner
-from depth_pose.refine.choice import choose, keep_differing
-from depth_pose.refine.limbs import LimbSearch
 from depth_pose.refine.objective import Objective
-from depth_pose.refine.solver import Effort, Problem, solve
-from depth_pose.refine.sources import from_exemplars, from_limbs, from_previous
+from depth_pose.refine.solver import Problem, solve
+from depth_pose.refine.sources import from_exemplars, from_joints, from_previous
 from depth_pose.refine.tuning import BuildTuning, RefineTuning
 from depth_pose.refine.unseen_legs import UnseenLegs
 from depth_pose.track.person_view import FramePeople, PersonView
 from depth_pose.track.sample_people import SAMPLE_DISTANCE_M, sample_people
 from depth_pose.track.state import PersonState, PersonStates, Shape
-
-_UNMEASURED_ROUGHS = 2
-"""Number of exemplars that are fitted roughly if no joints were measured: only the fit tells their facing."""
 
 
 class Refiner:
@@ -59,8 +53,6 @@ class Refiner:
     ----------
     builds : BuildLearner
         Learned builds of all tracks.
-    limbs : LimbSearch
-        Proposes other arms and legs.
     """
 
     def __init__(
@@ -80,7 +72,6 @@ class Refiner:
         self._fitter = fitter or bodies
         self._states = states or PersonStates()
         self._objective = objective or Objective(bank)
-        self.limbs = LimbSearch(bank)
         self._unseen_legs = UnseenLegs(self._objective.usual)
         self.builds = BuildLearner(bodies.space, build, build_tuning, bodies.tuning)
 
@@ -137,27 +128,20 @@ class Refiner:
     ) -> tuple[PersonState, Fitted]:
         """Fit the body to one person; return the person's new state, and the fit."""
         self._check_bank(match)
-        schedule = state.schedule
         if not match.candidates:
-            answer = state.answer._replace(followed=(), lead=0.0)
-            state = state._replace(answer=answer, schedule=schedule._replace(number=0, tried=()))
+            state = state._replace(answer=state.answer._replace(pose=None))
             return state, Fitted.lost(person.stamp_ns, person.body_id)
-        tried, number = tuple(c.exemplar for c in match.candidates), schedule.number + 1
         shape = self.builds.begin(state.shape, match.scale)
-        state = state._replace(shape=shape, schedule=schedule._replace(number=number, tried=tried))
+        state = state._replace(shape=shape)
         # the previous answer, and exemplars of the bank (Sec. 5)
         starts = from_previous(state) if self.tuning.track else []
         starts += from_exemplars(match, state, self.bank)
-        is_settled = tried == schedule.tried and state.answer.lead == 0.0
-        roughs = 1 if person.measured is not None else _UNMEASURED_ROUGHS
-        fits = solve(starts, self._problem(person, shape), Effort(number, is_settled, roughs))
-        best, lead = choose(fits, state.answer.lead)
-        followed = keep_differing(best, fits, self.tuning.beam)
+        best = solve(starts, self._problem(person, shape), is_measured=person.measured is not None)
         body = self._unseen_legs.settle(self._bodies.space.body(shape.build), best.body, person.camera)
         learned = self.builds.learn(
             shape, self._bodies.target(person), best.body, best.terms.depth, person.stamp_ns
         )
-        state = state._replace(answer=state.answer._replace(followed=followed, lead=lead), shape=learned)
+        state = state._replace(answer=state.answer._replace(pose=best.body.pose), shape=learned)
         return state, Fitted(
             person.body_id,
             person.stamp_ns,
@@ -173,7 +157,7 @@ class Refiner:
         return Problem(
             self._fitter.fit_to(person, shape.build),
             lambda body: self._objective.score(person, body),
-            lambda body: from_limbs(body, person, self.limbs, self.bank),
+            lambda body: from_joints(self.bank.body, body.pose, person.measured),
         )
 
     def _check_bank(self, match: PoseMatch) -> None:

@@ -10,8 +10,6 @@ class RefineTuning(NamedTuple):
 
     track: bool = True
     """The previous pose is a start beside the candidates."""
-    beam: int = 1
-    """Number of poses of a person that are kept between frames; 2 takes 2 ms more and errs as much."""
 
 
 class FitTuning(NamedTuple):

@@ -18,18 +18,13 @@ from depth_pose.recover.report import to_skeleton
 from depth_pose.recover.smooth import low_pass, with_motion
 from depth_pose.refine.body_fitter import BodyFitter
 from depth_pose.refine.build_learner import BuildLearner
-from depth_pose.refine.choice import choose
-from depth_pose.refine.hypotheses import Hypothesis, ScoredFit
 from depth_pose.refine.objective import Objective, Score
-from depth_pose.refine.solver import Effort, Problem, solve
+from depth_pose.refine.solver import Hypothesis, Problem, ScoredFit, solve
 from depth_pose.rooms.merge import place
 from depth_pose.rooms.room_fit import RoomFit
 from depth_pose.rooms.starts import best_limbs
 from depth_pose.rooms.view import View
 from depth_pose.track.state import PersonState
-
-_EFFORT = Effort(roughs=2)
-"""Number of starts that are fitted roughly, among the cameras' answers and the combined limbs."""
 
 
 @dataclass(frozen=True)
@@ -68,9 +63,9 @@ class RoomMemory:
     stamp_ns: int = 0
     turn: int = 0
 
-    def follow(self, pose: BodyPose, lead: float, stamp_ns: int) -> None:
+    def follow(self, pose: BodyPose, stamp_ns: int) -> None:
         """Remember an answer, from which the next fit starts."""
-        answer = self.state.answer._replace(followed=(pose,), lead=lead)
+        answer = self.state.answer._replace(pose=pose)
         self.state, self.stamp_ns = self.state._replace(answer=answer), stamp_ns
 
 
@@ -120,10 +115,9 @@ class RoomRefiner:
         problem = Problem(
             RoomFit(*self.bodies.both_of(shape.build), views),
             lambda body: self._score(views, body, shares),
-            lambda _: [],
         )
-        best, lead = choose(solve(starts, problem, _EFFORT), memory.state.answer.lead)
-        memory.follow(best.body.pose, lead, stamp_ns)
+        best = solve(starts, problem, is_measured=False)
+        memory.follow(best.body.pose, stamp_ns)
         memory.turn += 1
         teacher = views[memory.turn % len(views)]
         posed = teacher.body_in_camera(best.body)
@@ -191,5 +185,7 @@ def _starts(
     """Return the cameras' answers, the best limbs of all, and the last pose, moved by ``way``, metres."""
     poses = [BodyPose(a.pose.rotations, a.pose.root, scale) for a in answers]
     poses.append(best_limbs(poses, [a.confidence for a in answers], scale))
-    last = [BodyPose(p.rotations, p.root + way, scale) for p in state.answer.followed]
-    return [Hypothesis(p, "camera") for p in poses] + [Hypothesis(p, "previous") for p in last]
+    starts, last = [Hypothesis(p, "camera") for p in poses], state.answer.pose
+    if last is not None:
+        starts.append(Hypothesis(BodyPose(last.rotations, last.root + way, scale), "previous"))
+    return starts

@@ -117,10 +117,8 @@ class Answer(NamedTuple):
 
     Attributes
     ----------
-    followed : tuple of BodyPose
-        Poses that the next fit continues: the answer, and the next best that differ from it.
-    lead : float
-        Score advantage of a different pose that was not the answer, summed over the last frames.
+    pose : BodyPose or None
+        The fit of the frame before, which the next one continues.
     last : Fitted or None
         The unfiltered answer for the previous frame.
     seen : PersonView or None
@@ -133,8 +131,7 @@ class Answer(NamedTuple):
         Whether the person was lost and a good fit is awaited.
     """
 
-    followed: tuple[BodyPose, ...] = ()
-    lead: float = 0.0
+    pose: BodyPose | None = None
     last: Fitted | None = None
     seen: PersonView | None = None
     good: Fitted | None = None
@@ -202,10 +199,6 @@ class Schedule(NamedTuple):
 
     Attributes
     ----------
-    number : int
-        Number of fitted frames; limbs are searched in turn.
-    tried : tuple of int
-        Exemplars of the last match.
     match : PoseMatch or None
         The last search's result.
     match_age : int
@@ -216,8 +209,6 @@ class Schedule(NamedTuple):
         Mean of the person's points then, metres.
     """
 
-    number: int = 0
-    tried: tuple[int, ...] = ()
     match: PoseMatch | None = None
     match_age: int = 0
     match_ns: int = 0
@@ -235,8 +226,7 @@ class PersonState(NamedTuple):
 
     def without_pose(self) -> PersonState:
         """Return the state of a person who was out of view: size, build and last match stay."""
-        schedule = self.schedule._replace(number=0, tried=())
-        return PersonState(shape=self.shape, schedule=schedule)
+        return PersonState(shape=self.shape, schedule=self.schedule)
 
     def lost(self) -> PersonState:
         """Return the state of a person whose fit failed: the next good one is awaited."""

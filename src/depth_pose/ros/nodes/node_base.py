@@ -50,6 +50,9 @@ A publisher finds a subscriber before the subscriber finds the publisher. Set by
 _READY_TICK_S = 0.05
 """Seconds between two checks of the connections. Set by hand."""
 
+_NOT_POSSIBLE = "Failed to trigger lifecycle state machine transition"
+"""What rclpy says of a transition that the present state does not have."""
+
 
 class Stage(Protocol):
     """Interface of a stage of the core, as nodes use it."""
@@ -163,7 +166,9 @@ class StageNode(TopicNode, ABC):
         def change_if_possible(request: Any, response: Any) -> Any:
             try:
                 return change(request, response)
-            except Exception as error:  # rclpy's own, of a private module
+            except RuntimeError as error:  # rclpy's, of a private module; other faults are not hidden
+                if _NOT_POSSIBLE not in str(error):
+                    raise
                 what = request.transition.label or f"{request.transition.id}"
                 why = printable(str(error).partition("\n")[0].partition(", at ")[0])
                 self.get_logger().warning(
