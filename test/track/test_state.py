@@ -45,7 +45,9 @@ def see(states: PersonStates, people, stamp_ns: int, *seen: str) -> list[PersonS
 def marked(mark: float) -> PersonState:
     """A state that can be told from others."""
     return PersonState(
-        answer=Answer(lead=mark), shape=Shape(scale=mark), evidence=Evidence(disagreement=mark)
+        answer=Answer(good_points=round(10 * mark)),
+        shape=Shape(scale=mark),
+        evidence=Evidence(disagreement=mark),
     )
 
 
@@ -112,7 +114,7 @@ def test_after_a_silence_of_the_sensor_only_shape_and_id_stay(people, silence_ns
 
 def test_a_person_who_is_lost_keeps_shape_and_standing():
     lost = marked(0.1).lost()
-    assert lost == marked(0.1)._replace(answer=Answer(lead=0.1, is_waiting=True))
+    assert lost == marked(0.1)._replace(answer=Answer(is_waiting=True))
 
 
 @pytest.mark.parametrize("step_ns", [-1, LONGEST_SILENCE_NS + 1])

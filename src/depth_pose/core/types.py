@@ -5,7 +5,7 @@ All of them are frozen and in SI units.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, NamedTuple
 
@@ -225,9 +225,6 @@ class Skeleton:
         `depth_pose.core.skeleton.JointState` values.
     build : (13,) float32
         The person's proportions (`depth_pose.body.build.BUILD_NAMES`); empty where they are not known.
-    alternative : Skeleton or None
-        The same person facing the other way, where left and right cannot be told; its confidences are lower
-        by the probability of that.
     velocities : (19, 3) float64
         Joint velocities, camera frame, m/s; empty where they are unknown, as in the first frame of a person.
     covariances : (19, 3, 3) float64
@@ -269,7 +266,6 @@ class Skeleton:
     joint_confidence: NDArray[np.float32]
     joint_states: NDArray[np.uint8]
     build: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
-    alternative: Skeleton | None = None
     velocities: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
     covariances: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3, 3)))
     tracking: Tracking = Tracking.UNKNOWN
@@ -381,10 +377,9 @@ class Skeleton:
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers, strings and lists, suitable for JSON; joints by their names.
 
-        What is unknown is None. An `alternative` is included where there is one.
+        What is unknown is None.
         """
-        other = {} if self.alternative is None else {"alternative": self.alternative.to_dict()}
-        return other | {
+        return {
             "body_id": self.body_id,
             "time_s": self.time,
             "stamp_ns": self.stamp_ns,
@@ -458,8 +453,7 @@ class Skeleton:
 
     def at(self, stamp_ns: int) -> Skeleton:
         """Return the same pose at another time."""
-        other = None if self.alternative is None else self.alternative.at(stamp_ns)
-        return replace(self, stamp_ns=stamp_ns, alternative=other)
+        return replace(self, stamp_ns=stamp_ns)
 
     def turned(
         self, rotation: NDArray[np.float64], translation: NDArray[np.float64], frame_id: str
@@ -473,13 +467,11 @@ class Skeleton:
         frame_id : str
             Name of the other frame.
         """
-        other = self.alternative
         return replace(
             self,
             frame_id=frame_id,
             positions=self.positions @ rotation.T + translation,
             quats_xyzw=matrix_to_quat(rotation @ quat_to_matrix(self.quats_xyzw)).reshape(-1, 4),
-            alternative=None if other is None else other.turned(rotation, translation, frame_id),
             velocities=self.velocities @ rotation.T,
             covariances=rotation @ self.covariances @ rotation.T,
         )
@@ -532,8 +524,3 @@ def symmetric(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
     covariances = np.empty((*numbers.shape[:-1], 3, 3))
     covariances[..., _ROWS, _COLUMNS] = covariances[..., _COLUMNS, _ROWS] = numbers
     return covariances
-
-
-def alternatives_of(skeletons: Iterable[Skeleton]) -> tuple[Skeleton, ...]:
-    """Return the second answers of those skeletons that have one."""
-    return tuple(s.alternative for s in skeletons if s.alternative is not None)

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
 from depth_pose.core.outputs import NewFile
-from depth_pose.core.types import DepthFrame, Skeleton, alternatives_of
+from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.io import markers, schemas
 from depth_pose.io.messages import write_camera_info, write_image, write_people, write_skeleton
-from depth_pose.io.schemas import ALTERNATIVES_TOPIC, DEPTH_TOPIC, PEOPLE_TOPIC, SKELETON_TOPIC
+from depth_pose.io.schemas import DEPTH_TOPIC, PEOPLE_TOPIC, SKELETON_TOPIC
 
 _Writer = TypeVar("_Writer", bound="RecordingWriter")
 
@@ -141,12 +141,9 @@ class SkeletonWriter(RecordingWriter):
         self.write_message(SKELETON_TOPIC, schemas.SKELETON, skeleton.stamp_ns, write_skeleton(skeleton))
 
     def write_people(self, skeletons: Sequence[Skeleton], stamp_ns: int, frame_id: str) -> None:
-        """Add all people of a frame, on `PEOPLE_TOPIC`, and alternatives, if any, on `ALTERNATIVES_TOPIC`."""
+        """Add all people of a frame, on `PEOPLE_TOPIC`."""
         data = write_people(skeletons, stamp_ns, frame_id)
         self.write_message(PEOPLE_TOPIC, schemas.SKELETON_ARRAY, stamp_ns, data)
-        if others := alternatives_of(skeletons):
-            data = write_people(others, stamp_ns, frame_id)
-            self.write_message(ALTERNATIVES_TOPIC, schemas.SKELETON_ARRAY, stamp_ns, data)
 
     def write_markers(self, skeletons: Sequence[Skeleton], stamp_ns: int, frame_id: str) -> None:
         """Add the markers of all people, on `markers.MARKERS_TOPIC`."""

@@ -92,9 +92,6 @@ SKELETON_TOPIC = "/depth_pose/skeleton"
 PEOPLE_TOPIC = "/depth_pose/skeletons"
 """Default topic of all people's skeletons."""
 
-ALTERNATIVES_TOPIC = "/depth_pose/alternatives"
-"""Default topic of the second answers, for people whose left and right are ambiguous."""
-
 DEPTH_TOPIC = "/camera/depth/image_raw"
 """Default topic of depth images."""
 

@@ -29,19 +29,17 @@ from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import Source
 from depth_pose.core.types import Skeleton
 from depth_pose.recover.failure import KINDS, Failure, FailureCheck, Verdict, judge, limit_excess
-from depth_pose.recover.other_view import renew_sides
 from depth_pose.recover.published import is_published, renew_disagreement
 from depth_pose.recover.report import to_skeleton
 from depth_pose.recover.smooth import low_pass, with_motion
 from depth_pose.recover.tuning import RecoverTuning
 from depth_pose.refine.body_fitter import BodyFitter
 from depth_pose.refine.objective import Objective
-from depth_pose.refine.skeleton_pose import about_face
 from depth_pose.refine.solver import Hypothesis, Problem, ScoredFit, solve
 from depth_pose.track.person_odds import PersonOdds
 from depth_pose.track.person_view import FramePeople, PersonView
 from depth_pose.track.sample_people import sample_people
-from depth_pose.track.state import Answer, Evidence, PersonState, PersonStates, Sides
+from depth_pose.track.state import Answer, Evidence, PersonState, PersonStates
 
 _PART, _ALLOWANCE_OF_PART = 0.7, 0.08
 """Share of the last good frame's points below which a part of the person is missing, and the score excess
@@ -49,12 +47,6 @@ that is then allowed for the registered body."""
 
 _SAME_SCORE = 1e-5
 """Score advantage below which the registered body is the fit that failed, up to rounding."""
-
-_SIDES_SURE = 0.9
-"""Probability that sides are not exchanged, below which the other view is answered, too. Set by hand."""
-
-_CONTRADICTED = 0.08
-"""Score excess above which the other view is not answered. Set by hand."""
 
 
 class CloudTracker(Protocol):
@@ -128,10 +120,9 @@ class Recoverer:
         (person,) = sample_people(self.bank).persons
         start = BodyPose(R_CAMERA_FACING_MODEL @ self.bank.rotations(0), person.points.mean(axis=0), 1.0)
         average = np.zeros(len(BUILD_NAMES), np.float32)
-        answer = _answered(Fitted.lost(0, ""), self._solved(person, Hypothesis(start, "turned"), average))
+        answer = _answered(Fitted.lost(0, ""), self._solved(person, Hypothesis(start, "carried"), average))
         answer = replace(answer, build=average, source=Source.RECOVERED)
-        skeleton = to_skeleton(person, answer)
-        renew_sides(Sides(), skeleton.positions, person.measured, person.stamp_ns)
+        to_skeleton(person, answer)
         limit_excess(self.bank.body, answer)
         if self._clouds is not None:
             self._clouds.carry(person, person, answer)
@@ -149,8 +140,7 @@ class Recoverer:
         -------
         tuple of Skeleton
             Source REFINED or RECOVERED, with filtered positions; lost people are omitted. Their
-            confidence is the probability that this is a person and that the pose is right. If left and right
-            are ambiguous, the skeleton has an alternative that faces the other way.
+            confidence is the probability that this is a person and that the pose is right.
         """
         self._states.begin(people)
         self.begin()
@@ -186,17 +176,9 @@ class Recoverer:
         skeleton = to_skeleton(person, answer)
         before = state.filter
         filtered = low_pass(before, skeleton.positions, person.stamp_ns, self._smooth)
-        sides, p_sides = renew_sides(
-            state.evidence.sides, skeleton.positions, person.measured, person.stamp_ns
-        )
         known = state.answer._replace(last=answer, seen=person)
-        state = state._replace(
-            answer=known, filter=filtered, evidence=Evidence(disagreement, is_shown, sides)
-        )
-        if not is_shown:
-            return state, None
-        other = self._other_view(person, answer, 1.0 - p_sides) if p_sides < _SIDES_SURE else None
-        return state, replace(with_motion(skeleton, before, filtered), alternative=other)
+        state = state._replace(answer=known, filter=filtered, evidence=Evidence(disagreement, is_shown))
+        return state, with_motion(skeleton, before, filtered) if is_shown else None
 
     def _accept(
         self, state: PersonState, person: PersonView, fitted: Fitted
@@ -238,22 +220,6 @@ class Recoverer:
                 return None
         answer = replace(last, stamp_ns=person.stamp_ns, source=Source.RECOVERED)
         return _answered(answer, carried)
-
-    def _other_view(self, person: PersonView, answer: Fitted, share: float) -> Skeleton | None:
-        """Return the same person facing the other way, with a share of the confidence.
-
-        None if the depth image contradicts it.
-        """
-        turned = self._solved(person, Hypothesis(about_face(answer.pose), "turned"), answer.build)
-        if turned.terms.depth > answer.score + _CONTRADICTED:
-            return None
-        other = to_skeleton(person, _answered(replace(answer, source=Source.REFINED), turned))
-        return replace(
-            other,
-            source=answer.source,
-            confidence=share * other.confidence,
-            joint_confidence=np.float32(share) * other.joint_confidence,
-        )
 
     def _solved(self, person: PersonView, start: Hypothesis, build: NDArray[np.float32]) -> ScoredFit:
         """Fit one hypothesis to one person's frame."""

@@ -19,9 +19,9 @@ from depth_pose.core.skeleton import JOINT_NODES
 from depth_pose.refine.body_fitter import FrameFit
 from depth_pose.refine.objective import Score
 
-Source = Literal["previous", "carried", "exemplar", "joints", "turned", "camera"]
+Source = Literal["previous", "carried", "exemplar", "joints", "camera"]
 """Sources of a pose: the previous answer; the last body, carried over after a failure; an exemplar of the
-bank; limbs turned to measured joints; the answer, facing the other way; one camera's answer of several."""
+bank; limbs turned to measured joints; one camera's answer of several."""
 
 _ROUGHS = 2
 """Number of fresh starts, the best after a glance, that are fitted roughly."""

@@ -156,7 +156,7 @@ class RoomFusion:
             answers.append(Answer(view, view.pose_in_room(one.pose), one.skeleton.joint_confidence))
         if len(answers) > 1:
             return self._refiner.refine(answers, memory, person.velocity, stamp_ns, (ROOM_FRAME, room_id))
-        memory.follow(answers[0].pose, memory.state.answer.lead, stamp_ns)
+        memory.follow(answers[0].pose, stamp_ns)
         only = place(seen[0].skeleton, answers[0].view.T_room_camera, ROOM_FRAME)
         before = memory.state.filter
         filtered = low_pass(before, only.positions, stamp_ns, self._smooth)

@@ -160,23 +160,6 @@ class FilterState(NamedTuple):
     motion: Array = np.zeros((0, 3))
 
 
-class Sides(NamedTuple):
-    """Belief about left and right (`depth_pose.recover.other_view`).
-
-    Attributes
-    ----------
-    logit : float
-        Log-odds that they are not exchanged.
-    stamp_ns : int
-    joints : (19, 3) float64 or None
-        The answer for which that holds.
-    """
-
-    logit: float = 0.0
-    stamp_ns: int = 0
-    joints: Array | None = None
-
-
 class Evidence(NamedTuple):
     """What speaks for person and pose.
 
@@ -186,12 +169,10 @@ class Evidence(NamedTuple):
         Running mean of the fits' disagreement with the depth image, 0 to 1; None before the first.
     is_published : bool
         Whether the person was published in the last frame.
-    sides : Sides
     """
 
     disagreement: float | None = None
     is_published: bool = False
-    sides: Sides = Sides()
 
 
 class Schedule(NamedTuple):
@@ -231,8 +212,7 @@ class PersonState(NamedTuple):
     def lost(self) -> PersonState:
         """Return the state of a person whose fit failed: the next good one is awaited."""
         answer = self.answer._replace(last=None, seen=None, good=None, good_points=0, is_waiting=True)
-        evidence = self.evidence._replace(sides=Sides())
-        return self._replace(answer=answer, filter=FilterState(), evidence=evidence)
+        return self._replace(answer=answer, filter=FilterState())
 
 
 class PersonStates:

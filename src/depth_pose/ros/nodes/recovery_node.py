@@ -1,7 +1,4 @@
-"""Node: people's points and fitted bodies -> ``/depth_pose/skeletons``, ``skeleton``, ``markers``.
-
-``/depth_pose/alternatives`` has a second answer for each person whose left and right are ambiguous.
-"""
+"""Node: people's points and fitted bodies -> ``/depth_pose/skeletons``, ``skeleton``, ``markers``."""
 
 from __future__ import annotations
 
@@ -17,7 +14,6 @@ from depth_pose.body.build import build_space
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.mount import check_upright, rotate_to_sensor, sensor_frame
 from depth_pose.core.types import Skeleton as SkeletonData
-from depth_pose.core.types import alternatives_of
 from depth_pose.recover.recover import Recoverer
 from depth_pose.ros.messages.people import msgs_to_people
 from depth_pose.ros.messages.skeletons import msg_to_fitted, skeleton_to_msg, skeletons_to_msg
@@ -54,7 +50,6 @@ class RecoveryNode(BankNode):
         """Create the publishers for other programs: reliable, which suits every subscriber."""
         self._skeletons = self.publisher(SkeletonArray, "skeletons", reliable=True)
         self._followed = self.publisher(Skeleton, "skeleton", reliable=True, counted=False)
-        self._alternatives = self.publisher(SkeletonArray, "alternatives", reliable=True, counted=False)
         self._markers = self.publisher(MarkerArray, "markers", reliable=True, counted=False)
         prefix = self.value("tf_prefix")
         self._transforms = Transforms(self, "the parameter tf") if self.value("tf") else None
@@ -79,9 +74,6 @@ class RecoveryNode(BankNode):
         self._skeletons.publish(message)
         followed = self._follower.choose(skeletons, people.stamp_ns, frame_id)
         self._followed.publish(skeleton_to_msg(followed))
-        if self._alternatives.get_subscription_count():
-            others = alternatives_of(skeletons)
-            self._alternatives.publish(skeletons_to_msg(others, people.stamp_ns, frame_id))
         if self._markers.get_subscription_count():
             self._markers.publish(skeletons_to_markers(skeletons, people.stamp_ns, frame_id))
         if self._transforms is not None and self._transforms.is_heard:
