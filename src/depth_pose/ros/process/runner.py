@@ -35,6 +35,11 @@ _PR_SET_PDEATHSIG = 1
 _END_S = 10.0
 """Seconds for an orderly end, after which the process prints a traceback and ends. Set by hand."""
 
+_NO_SECURITY = (
+    "depth_pose: ROS_SECURITY_ENABLE asks for SROS2: with ROS 2 from apt, check ROS_SECURITY_KEYSTORE; ROS 2 "
+    "from the Python package index has no SROS2"
+)
+
 
 class _Stop:
     """Handler of `STOPS`: interrupts the running code, and remembers the signal.
@@ -89,6 +94,12 @@ def leave(code: int) -> NoReturn:
     os._exit(code)
 
 
+def _is_of_security(error: Exception) -> bool:
+    """Check whether ROS does not start because SROS2 is asked for and is not there, or has no keys."""
+    is_wanted = os.environ.get("ROS_SECURITY_ENABLE", "").lower() == "true"
+    return is_wanted and isinstance(error, RuntimeError) and "security" in str(error).lower()
+
+
 def _run(make: Callable[[], Any], args: Sequence[str] | None, stop: _Stop) -> int:
     import rclpy  # after the handlers: a stop during these imports must be clean, too
     from rclpy.executors import ExternalShutdownException
@@ -114,7 +125,10 @@ def _run(make: Callable[[], Any], args: Sequence[str] | None, stop: _Stop) -> in
     except (ConfigError, BankError) as e:
         sys.stderr.write(f"depth_pose: {printable_lines(e)}\n")
         return EXIT_CONFIG
-    except Exception:
+    except Exception as e:
+        if node is None and _is_of_security(e):
+            sys.stderr.write(f"depth_pose: {printable_lines(e)}\n{_NO_SECURITY}\n")
+            return EXIT_CONFIG
         if node is None or rclpy.ok():  # else it was asked to stop, and rclpy was shut down during a call
             raise
     finally:
