@@ -25,6 +25,7 @@ ALLOWED_SKIPS = (
     r"Node\.js is not installed$",  # draws the example's web page
     r"launch comes with ROS 2 from apt$",
     r"this account can make no network of its own$",  # a container's, or the kernel forbids it
+    r"ezc3d has no wheel for this machine$",
     r"needs a Chromium\b",  # that DEPTH_POSE_CHROMIUM names, and playwright
 )
 """Why a test may be skipped. For any other reason it fails: an install that lacks something is not whole."""

@@ -28,6 +28,8 @@ NOTE = "depth_pose"
 FLOOR = "depth_pose_floor"
 """Name of the metadata record with the floor's plane, or with `_MOVED` where it changed."""
 _MOVED = {"moved": "yes"}
+_MOVES = 3.0
+"""Change of the floor, as a multiple of its noise, that tells of a sensor that moves. Set by hand."""
 _MOST_CHANGES = 2
 """Maximum number of changes of the floor in a recording of a sensor that stands still: a table is taken for
 it until the floor is seen. Set by hand."""
@@ -287,7 +289,7 @@ class _Answers:
         """Keep the newest floor; none any more where the sensor has moved."""
         if floor is None or self.floor_moved:
             return
-        if self._newest is not None and not floor.is_like(self._newest):
+        if self._newest is not None and not floor.is_like(self._newest, _MOVES):
             self._changes += 1
         self._newest = floor
         self.floor_moved = self._changes > _MOST_CHANGES

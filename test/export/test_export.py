@@ -373,7 +373,7 @@ def test_a_room_without_floor_in_view_leaves_it_to_the_feet(tmp_path):
 
 
 def test_wrong_wishes_are_refused(one, tmp_path):
-    with pytest.raises(ConfigError, match=r"\.bvh, \.trc, \.csv, \.npz"):
+    with pytest.raises(ConfigError, match=r"\.bvh, \.trc, \.c3d, \.mot, \.sto, \.csv, \.json, \.npz"):
         export_skeletons(one, tmp_path / "one.fbx")
     with pytest.raises(ConfigError, match="camera or floor"):
         export_skeletons(one, tmp_path / "one.bvh", world="moon")

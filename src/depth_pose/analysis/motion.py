@@ -94,7 +94,7 @@ def motion_on_floor(track: Track, step_s: float, start_ns: int, tilt_deg: float 
         Where no frame has all joints.
     """
     track = even(whole(track), step_s)
-    covariances = joint_covariances(track.joint_confidence)
+    covariances = joint_covariances(track.joint_confidence, track.covariances)
     joints = _low_passed(track.positions, track.present, 1.0 / step_s)
     angles, deviations = measure_angles(
         joints, track.quats_xyzw, covariances, None if tilt_deg is None else UP

@@ -180,10 +180,8 @@ def joint_angles(skeleton: Skeleton, up: Array | None = None) -> JointAngles:
     """
     if skeleton.is_lost:
         raise InputError("the skeleton is LOST: it has no joints, and so no angles")
-    covariances = joint_covariances(skeleton.joint_confidence)
-    if len(skeleton.covariances):
-        known = np.isfinite(skeleton.covariances).all(axis=(1, 2))
-        covariances[known] = skeleton.covariances[known]
+    carried = skeleton.covariances if len(skeleton.covariances) else None
+    covariances = joint_covariances(skeleton.joint_confidence, carried)
     degrees, deviations = measure_angles(skeleton.positions, skeleton.quats_xyzw, covariances, up)
     return JointAngles(degrees, deviations)
 
@@ -314,12 +312,12 @@ def angles_of(at: Array, pelvis: Array, thorax: Array, up: Array) -> Array:
     neck = inside(thorax, bone("neck", "head"))
     parts = [
         _deg(trunk[..., 2], trunk[..., 1]),
-        _deg(trunk[..., 0], trunk[..., 1]),
+        _asin(trunk[..., 0]),
         trunk_angles(relative(pelvis, thorax))[..., 2],
         tilt,
         90.0 - _between(pelvis[..., :, 0], vertical),
         _deg(neck[..., 2], neck[..., 1]) - _NECK_DEG,
-        _deg(neck[..., 0], neck[..., 1]),
+        _asin(neck[..., 0]),
     ]
     for side in ("left", "right"):
         flip = 1.0 if side == "left" else _FLIP
@@ -339,7 +337,7 @@ def angles_of(at: Array, pelvis: Array, thorax: Array, up: Array) -> Array:
 def _leg_angles(thigh: Array, shank: Array) -> tuple[Array, Array, Array, Array]:
     """Hip flexion, abduction, rotation and knee flexion of directions in the pelvis, left side."""
     flexion = np.arctan2(thigh[..., 2], -thigh[..., 1])
-    abduction = np.arcsin(np.clip(thigh[..., 0], -1.0, 1.0))
+    abduction = np.radians(_asin(thigh[..., 0]))
     unrotated = rotation_x(-flexion) @ rotation_z(abduction)
     bend = np.einsum("...ji,...j->...i", unrotated, shank)
     rotation = np.arctan2(bend[..., 0], -bend[..., 2])
@@ -362,6 +360,10 @@ def _arm_angles(upper: Array, fore: Array) -> tuple[Array, Array, Array, Array]:
 
 def _deg(sine: Array, cosine: Array) -> Array:
     return np.asarray(np.degrees(np.arctan2(sine, cosine)))
+
+
+def _asin(part: Array) -> Array:
+    return np.asarray(np.degrees(np.arcsin(np.clip(part, -1.0, 1.0))))
 
 
 def _between(a: Array, b: Array) -> Array:
@@ -389,18 +391,26 @@ _LEAST_MM = ((0.25, 0.65, 0.9, 0.97), (130.0, 90.0, 45.0, 0.0))
 """Least deviation of a joint at a confidence, millimetres, interpolated."""
 
 
-def joint_covariances(joint_confidence: NDArray[np.floating]) -> Array:
-    """Covariances of joints by their confidence, for skeletons that carry none.
+def joint_covariances(
+    joint_confidence: NDArray[np.floating], carried: NDArray[np.floating] | None = None
+) -> Array:
+    """Covariances of joints: those that the skeletons carry, else by their confidence.
 
     Parameters
     ----------
     joint_confidence : (..., 19)
+    carried : (..., 19, 3, 3), optional
+        Square metres; NaN where there are none.
 
     Returns
     -------
     (..., 19, 3, 3) float64
-        Square metres; the same in all directions.
+        Square metres; by confidence the same in all directions.
     """
     sure = np.array([_SURE_MM[name.rpartition("_")[2]] for name in JOINTS])
     deviation = 1e-3 * np.maximum(sure, np.interp(np.asarray(joint_confidence, np.float64), *_LEAST_MM))
-    return np.asarray(deviation[..., None, None] ** 2 * np.eye(3))
+    supposed = deviation[..., None, None] ** 2 * np.eye(3)
+    if carried is None:
+        return np.asarray(supposed)
+    known = np.isfinite(carried).all(axis=(-2, -1), keepdims=True)
+    return np.asarray(np.where(known, carried, supposed))

@@ -27,7 +27,11 @@ def export(
     skeletons: Annotated[Path, typer.Argument(help="Recording of skeletons, as `depth-pose run` writes it.")],
     output: Annotated[
         Path,
-        typer.Option("--output", "-o", help="The file; its extension is the format: .bvh .trc .csv .npz"),
+        typer.Option(
+            "--output",
+            "-o",
+            help="The file; its extension is the format: .bvh .trc .c3d .mot .sto .csv .json .npz",
+        ),
     ],
     person: Annotated[
         list[str] | None, typer.Option(help="Only the person with this body_id; may be repeated.")
@@ -40,24 +44,28 @@ def export(
         Path | None,
         typer.Option(
             help="With --world floor: the depth recording in which to find the floor.",
-            show_default="the floor is estimated from people's feet",
+            show_default="the floor that `run` recorded, else estimated from feet",
         ),
     ] = None,
     unit: Annotated[
-        str | None, typer.Option(help="m, cm or mm, of .bvh and .trc.", show_default="m of .bvh, mm of .trc")
+        str | None,
+        typer.Option(help="m, cm or mm, of .bvh, .trc and .c3d.", show_default="m of .bvh, else mm"),
     ] = None,
+    angles: Annotated[
+        bool, typer.Option("--angles", help="Of .csv: joint angles with deviations, a row a person a frame.")
+    ] = False,
     topic: shared.SkeletonsTopic = PEOPLE_TOPIC,
     depth_topic: shared.DepthTopic = None,
 ) -> None:
-    """Write skeletons for other tools: .bvh for animation, .trc for OpenSim, .csv, .npz.
+    """Write skeletons for other tools: animation, OpenSim, motion laboratories, spreadsheets, programs.
 
-    A .bvh or .trc holds one person; several people get one file each, NAME_ID.bvh, with the bone lengths of
-    that person. y is up in both, as importers expect. .csv and .npz hold everybody, in metres, in the
-    sensor's optical frame (x right, y down, z forward) or the floor's. Skeletons of `run --rig` stay in the
-    room's frame (z up, z = 0 on the floor), .bvh and .trc with y up.
+    A .bvh, .trc, .c3d, .mot or .sto holds one person; several people get one file each, NAME_ID.bvh, with the
+    bone lengths of that person. y is up, as importers expect. .csv, .json and .npz hold everybody, in
+    metres, in the sensor's optical frame (x right, y down, z forward) or the floor's. Skeletons of `run
+    --rig` stay in the room's frame (z up, z = 0 on the floor).
 
-    Gaps in which a person was not found are reported. Without --fill .bvh keeps the last pose, .trc and
-    .npz have NaN, .csv no rows.
+    Gaps in which a person was not found are reported. Without --fill .bvh keeps the last pose, .trc, .c3d,
+    .mot and .npz have NaN, .csv, .json and .sto leave them out.
 
     [bold]Examples:[/bold]
 
@@ -67,7 +75,13 @@ def export(
 
     depth-pose export out.mcap -o gait.trc --world floor --fill
 
+    depth-pose export out.mcap -o gait.mot --world floor
+
+    depth-pose export out.mcap -o gait.c3d --world floor
+
     depth-pose export out.mcap -o joints.csv
+
+    depth-pose export out.mcap -o angles.csv --angles --world floor
 
     depth-pose export out.mcap -o joints.npz --person body_1
 
@@ -85,17 +99,21 @@ def export(
         world=world,
         recording=recording,
         unit=unit,
+        angles=angles,
         topic=topic,
         depth_topic=depth_topic,
     )
     if result.floor is not None:
-        height, how = result.floor.height, result.floor.source
-        _say(f"the floor, estimated from {how}, is {height:.2f} m below the sensor")
+        floor, how = result.floor, result.floor.source
+        _say(
+            f"the floor, known from {how}, is {floor.height:.2f} m below the sensor; under the people "
+            f"it is known to {100 * floor.deviation:.0f} cm, and to {floor.tilt_deviation_deg:.1f} degrees"
+        )
         if recording is not None and how == "feet":
             _say(
                 "[yellow]note:[/yellow] too little floor is visible in the images; it was estimated from feet"
             )
-        elif recording is None:
+        elif how == "feet":
             _say("[yellow]note:[/yellow] that is rough; with --recording IN it is found in the depth images")
     if result.frame_id == ROOM_FRAME:
         _say("the skeletons are in the room's frame, with the floor at height 0")
@@ -120,7 +138,7 @@ def _treated(kind: str, fill: bool) -> str:
     """Print how gaps were filled."""
     if fill:
         return "bridged"
-    return {".bvh": "held", ".trc": "NaN", ".csv": "left out", ".npz": "NaN"}[kind]
+    return {".bvh": "held", ".csv": "left out", ".json": "left out", ".sto": "left out"}.get(kind, "NaN")
 
 
 def _say(line: str) -> None:

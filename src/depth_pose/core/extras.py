@@ -8,6 +8,7 @@ from depth_pose.core.errors import ConfigError
 
 EXTRAS = {
     "anny": "anny",
+    "c3d": "c3d",
     "distributed": "dask",
     "matplotlib": "pictures",
     "open3d": "sim",

@@ -100,10 +100,10 @@ class Floor:
         """Transform from the camera frame to the floor frame, (4, 4)."""
         return np.asarray(np.linalg.inv(self.T_camera_floor))
 
-    def is_like(self, other: Floor) -> bool:
-        """Check that another floor is the same up to noise."""
+    def is_like(self, other: Floor, factor: float = 1.0) -> bool:
+        """Check that another floor is the same up to noise, or to a multiple of it."""
         turned = np.degrees(np.arccos(np.clip(self.up @ other.up, -1.0, 1.0)))
-        return bool(turned < _TURNED_DEG and abs(self.height - other.height) < _MOVED_M)
+        return bool(turned < factor * _TURNED_DEG and abs(self.height - other.height) < factor * _MOVED_M)
 
     def turned(self, rotation: Array) -> Floor:
         """Return the floor in a rotated frame: ``rotation`` (3, 3) maps vectors to it."""

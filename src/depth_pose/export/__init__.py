@@ -1,4 +1,4 @@
-"""Skeletons for other tools: BVH for animation, TRC for OpenSim, CSV for spreadsheets, NPZ for NumPy."""
+"""Skeletons for other tools: BVH, TRC, C3D, OpenSim, CSV, JSON, NPZ."""
 
 from depth_pose.export.export import FORMATS, Exported, export_skeletons
 

@@ -15,7 +15,6 @@ segment with one child is then turned, by the smallest rotation, to point to tha
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 
 import numpy as np
@@ -153,15 +152,20 @@ def _end(node: int, offsets: Array) -> Array:
 
 def _angles(rotations: Array) -> Array:
     """Angles of every node's rotation against its parent's, degrees, z, x, y, without jumps, (T, 21, 3)."""
-    from scipy.spatial.transform import Rotation
-
     local = rotations.copy()
     for node in range(1, len(NODES)):
         local[:, node] = rotations[:, NODE_PARENTS[node]].swapaxes(-1, -2) @ rotations[:, node]
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Gimbal lock")  # any of the equal angles will do
-        angles = Rotation.from_matrix(local.reshape(-1, 3, 3)).as_euler("ZXY", degrees=True)
-    return np.asarray(np.unwrap(angles.reshape(*local.shape[:2], 3), axis=0, period=360.0))
+    return np.asarray(np.unwrap(_euler_zxy(local), axis=0, period=360.0))
+
+
+def _euler_zxy(r: Array) -> Array:
+    """Angles of ``Rz(a) Rx(b) Ry(c)``, degrees, (..., 3, 3) to (..., 3); c is 0 where b is 90 degrees."""
+    cosine = np.hypot(r[..., 2, 0], r[..., 2, 2])
+    locked = cosine < 1e-7
+    z = np.where(locked, np.arctan2(r[..., 1, 0], r[..., 0, 0]), np.arctan2(-r[..., 0, 1], r[..., 1, 1]))
+    x = np.arctan2(r[..., 2, 1], cosine)
+    y = np.where(locked, 0.0, np.arctan2(-r[..., 2, 0], r[..., 2, 2]))
+    return np.degrees(np.stack([z, x, y], axis=-1))
 
 
 def _numbers(values: Array) -> str:

@@ -12,11 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.extras import require
 from depth_pose.core.outputs import check_targets, new_file, new_text_file
 from depth_pose.detect.floor import Floor
 from depth_pose.export.bvh import bvh_text
+from depth_pose.export.c3d_file import write_c3d
 from depth_pose.export.floor import FLOOR_FRAME, find_floor, on_floor
-from depth_pose.export.tables import npz_arrays, write_csv
+from depth_pose.export.opensim import mot_lines, sto_lines
+from depth_pose.export.tables import npz_arrays, write_angles, write_csv, write_json
 from depth_pose.export.tracks import (
     MOST_FRAMES,
     Track,
@@ -36,8 +39,12 @@ from depth_pose.rooms.rig import ROOM_FRAME
 
 FORMATS = {
     ".bvh": "animation (Blender, MotionBuilder, Unity and others); a file a person",
-    ".trc": "OpenSim and biomechanics; a file a person",
-    ".csv": "spreadsheets, R, pandas; a row a joint a frame a person",
+    ".trc": "OpenSim and biomechanics, joints; a file a person",
+    ".c3d": "motion laboratories, joints; a file a person",
+    ".mot": "OpenSim, joint angles; a file a person",
+    ".sto": "OpenSim (OpenSense), rotations of segments; a file a person",
+    ".csv": "spreadsheets, R, pandas; a row a joint a frame a person, or their angles",
+    ".json": "JavaScript and others; frames of people, joints and angles",
     ".npz": "NumPy; arrays over frames and people",
 }
 """Formats by file extension, and their uses."""
@@ -45,13 +52,15 @@ FORMATS = {
 UNITS = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
 """Units of length, per metre."""
 
-_USUAL_UNIT = {".bvh": "m", ".trc": "mm"}
-_A_FILE_A_PERSON = (".bvh", ".trc")
+_USUAL_UNIT = {".bvh": "m", ".trc": "mm", ".c3d": "mm"}
+_A_FILE_A_PERSON = (".bvh", ".trc", ".c3d", ".mot", ".sto")
 
 _T_UP_OPTICAL = np.diag([1.0, -1.0, -1.0, 1.0])
 """The optical frame turned to y up, z towards the viewer: people who face the sensor face the viewer."""
 _T_UP_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 """REP-103's z up turned to y up, as importers turn it back: (x, y, z) goes to (x, z, -y)."""
+_UP = np.array([0.0, 0.0, 1.0])
+"""Up on the floor and in a room."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +105,7 @@ def export_skeletons(
     world: str = "camera",
     recording: Path | str | None = None,
     unit: str | None = None,
+    angles: bool = False,
     topic: str = PEOPLE_TOPIC,
     depth_topic: str | None = None,
 ) -> ExportResult:
@@ -110,7 +120,8 @@ def export_skeletons(
     people : sequence of str
         Only these ``body_id``; all if empty.
     fill : bool
-        Fill gaps. Without it BVH holds the last pose, TRC and NPZ have NaN, CSV no rows.
+        Fill gaps. Without it BVH holds the last pose, CSV, JSON and STO leave the person out, the others have
+        NaN or, in C3D, missing points.
     world : str
         ``camera``, or ``floor``: z up, the origin on the floor below the sensor. Skeletons in a room's
         frame (`depth_pose.rooms.rig.ROOM_FRAME`) stay in it with both: z is up, the floor at z = 0.
@@ -118,7 +129,9 @@ def export_skeletons(
         The depth recording in which to find the floor; without it, it is the one that `run` recorded, or is
         estimated from feet.
     unit : str, optional
-        ``m``, ``cm`` or ``mm`` of BVH (m) and TRC (mm); the others are in metres.
+        ``m``, ``cm`` or ``mm`` of BVH (m), TRC and C3D (mm); the others are in metres.
+    angles : bool
+        Write joint angles to CSV, in place of joints.
     topic, depth_topic : str, optional
         The topics.
 
@@ -132,6 +145,8 @@ def export_skeletons(
     output = Path(output)
     kind = output.suffix.lower()
     _check(output, kind, world, unit, recording)
+    if angles and kind != ".csv":
+        raise ConfigError(f"--angles is for .csv; {kind} files have either joints or angles, or both")
     check_targets([output], [skeletons, recording])
     found = chosen(read_tracks(skeletons, topic), people, skeletons)
     if found.frame_id == ROOM_FRAME and recording is not None:
@@ -139,8 +154,10 @@ def export_skeletons(
     seeks_floor = world == "floor" and found.frame_id != ROOM_FRAME
     floor = find_floor(found, skeletons, recording, depth_topic) if seeks_floor else None
     tracks = found if floor is None else on_floor(found, floor)
+    if kind == ".mot" and tracks.frame_id not in (FLOOR_FRAME, ROOM_FRAME):
+        raise ConfigError(f"{output} holds angles against the vertical: add --world floor")
     if kind in _A_FILE_A_PERSON:
-        unit = unit or _USUAL_UNIT[kind]
+        unit = unit or _USUAL_UNIT.get(kind, "m")
         check_targets(_paths_of(output, tracks), [skeletons, recording])
         return ExportResult(_write_each(output, kind, tracks, fill, unit), tracks.frame_id, floor)
     shown = replace(tracks, people=tuple(map(fill_gaps, tracks.people))) if fill else tracks
@@ -149,11 +166,17 @@ def export_skeletons(
             f"{output} would hold {len(shown.stamps_ns)} frames of {len(shown.people)} people each; at most "
             f"{MOST_FRAMES} are written: choose people with --person, or write .csv"
         )
-    if kind == ".csv":
+    up = _UP if tracks.frame_id in (FLOOR_FRAME, ROOM_FRAME) else None
+    if kind != ".npz":
         with new_text_file(output, newline="") as stream:
-            write_csv(stream, shown)
+            if kind == ".json":
+                write_json(stream, shown, up)
+            elif angles:
+                write_angles(stream, shown, up)
+            else:
+                write_csv(stream, shown)
     else:
-        arrays = npz_arrays(shown, floor.T_floor_camera if floor else None)
+        arrays = npz_arrays(shown, up, floor.T_floor_camera if floor else None)
         with new_file(output) as stream:
             np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
     span = max(float(tracks.stamps_ns[-1] - tracks.stamps_ns[0]) * 1e-9, 1e-9)
@@ -162,16 +185,13 @@ def export_skeletons(
     return ExportResult((file,), tracks.frame_id, floor)
 
 
-def _write_text(path: Path, text: str) -> None:
-    with new_text_file(path, newline="") as stream:
-        stream.write(text)
-
-
 def _check(output: Path, kind: str, world: str, unit: str | None, recording: Path | str | None) -> None:
     if kind not in FORMATS:
         raise ConfigError(
             f"{output}: the format is inferred from the file extension, one of {', '.join(FORMATS)}"
         )
+    if kind == ".c3d":
+        require("c3d", "a .c3d file")
     if world not in ("camera", "floor"):
         raise ConfigError(f"the world is {world!r}; it is camera or floor")
     if unit is not None and unit not in UNITS:
@@ -194,13 +214,27 @@ def _write_each(output: Path, kind: str, tracks: Tracks, fill: bool, unit: str) 
             motion = fill_gaps(motion)
         elif kind == ".bvh":
             motion = held(motion)
-        if kind == ".bvh":
-            text = bvh_text(motion, step_s, UNITS[unit])
-        else:
-            text = trc_text(motion, step_s, path.name, unit, UNITS[unit])
-        _write_text(path, text)
+        _write_one(path, kind, motion, step_s, unit, fill)
         written.append(Exported(path, (track,), len(motion), 1 / step_s, int(tracks.stamps_ns[0])))
     return tuple(written)
+
+
+def _write_one(path: Path, kind: str, motion: Track, step_s: float, unit: str, fill: bool) -> None:
+    """Write one person's motion, y up."""
+    if kind == ".c3d":
+        with new_file(path) as binary:
+            write_c3d(binary, motion, step_s, unit, UNITS[unit])
+        return
+    with new_text_file(path, newline="") as stream:
+        if kind == ".bvh":
+            stream.write(bvh_text(motion, step_s, UNITS[unit]))
+        elif kind == ".trc":
+            stream.write(trc_text(motion, step_s, path.name, unit, UNITS[unit]))
+        else:
+            lines = (
+                mot_lines(motion, step_s, path.stem, fill) if kind == ".mot" else sto_lines(motion, step_s)
+            )
+            stream.writelines(f"{line}\n" for line in lines)
 
 
 def _paths_of(output: Path, tracks: Tracks) -> list[Path]:

@@ -1,17 +1,22 @@
-"""All people in one file: CSV with a row per joint, and NPZ with arrays over frames and people."""
+"""All people in one file: CSV of joints or angles, JSON, and NPZ."""
 
 from __future__ import annotations
 
 import csv
+import json
 from collections.abc import Iterator
 from typing import Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.body.joint_angles import JOINT_ANGLES, joint_covariances, measure_angles
 from depth_pose.core.skeleton import BONES, JOINTS, JointState, Source
 from depth_pose.core.tables import COLUMNS
 from depth_pose.export.tracks import ARRAYS, Track, Tracks
+
+ANGLE_KEYS = ("frame", "stamp_ns", "time_s", "body_id")
+"""First columns of a CSV file of joint angles; then come, for each, its degrees and its deviation."""
 
 
 def write_csv(stream: TextIO, tracks: Tracks) -> None:
@@ -22,13 +27,93 @@ def write_csv(stream: TextIO, tracks: Tracks) -> None:
     """
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(COLUMNS)
+    for frame, stamp, passed_s, people in _frames(tracks):
+        for person, i in people:
+            track = tracks.people[person]
+            writer.writerows(_rows(track, i, [frame, stamp, f"{passed_s:.9f}", track.body_id]))
+
+
+def write_angles(stream: TextIO, tracks: Tracks, up: NDArray[np.float64] | None) -> None:
+    """Write a CSV file of joint angles: a row for every person in every frame with that person.
+
+    An angle and its deviation (``..._sd``) are empty where it is not measured.
+
+    Parameters
+    ----------
+    stream : text file
+    tracks : Tracks
+    up : (3,), optional
+        As for `depth_pose.body.joint_angles.joint_angles`.
+    """
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow([*ANGLE_KEYS, *(name + part for name in JOINT_ANGLES for part in ("", "_sd"))])
+    angles = [_angles(track, up) for track in tracks.people]
+    for frame, stamp, passed_s, people in _frames(tracks):
+        for person, i in people:
+            degrees, deviations = (values[i] for values in angles[person])
+            pairs = np.stack([degrees, deviations], axis=1).ravel()
+            row = ["" if not np.isfinite(value) else f"{value:.3f}" for value in pairs]
+            writer.writerow([frame, stamp, f"{passed_s:.9f}", tracks.people[person].body_id, *row])
+
+
+def write_json(stream: TextIO, tracks: Tracks, up: NDArray[np.float64] | None) -> None:
+    """Write a JSON file: names, then a list of frames, each with its people; null where a value is not known.
+
+    Parameters
+    ----------
+    stream : text file
+    tracks : Tracks
+    up : (3,), optional
+        As for `depth_pose.body.joint_angles.joint_angles`.
+    """
+    head = {"frame_id": tracks.frame_id, "joints": JOINTS, "bones": BONES, "angles": JOINT_ANGLES}
+    stream.write(json.dumps(head)[:-1] + ', "frames": [')
+    angles = [_angles(track, up) for track in tracks.people]
+    for frame, stamp, passed_s, people in _frames(tracks):
+        shown = [_plain_person(tracks.people[person], i, angles[person]) for person, i in people]
+        line = {"stamp_ns": stamp, "time_s": round(passed_s, 9), "people": shown}
+        stream.write(("," if frame else "") + "\n" + json.dumps(line, allow_nan=False))
+    stream.write("\n]}\n")
+
+
+def _plain_person(track: Track, i: int, angles: tuple[NDArray[np.float64], ...]) -> dict[str, Any]:
+    return {
+        "body_id": track.body_id,
+        "confidence": _plain(track.confidence[i]),
+        "source": Source(track.source[i]).name,
+        "scale": _plain(track.scale[i]),
+        "positions": _plain(track.positions[i]),
+        "quats_xyzw": _plain(track.quats_xyzw[i]),
+        "joint_confidence": _plain(track.joint_confidence[i]),
+        "joint_states": [JointState(state).name for state in track.joint_states[i]],
+        "angles_deg": _plain(np.round(angles[0][i], 3)),
+        "angle_deviations_deg": _plain(np.round(angles[1][i], 3)),
+    }
+
+
+def _plain(values: Any) -> Any:
+    """Return numbers as lists, None in place of NaN and infinity."""
+    if np.ndim(values):
+        return [_plain(value) for value in values]
+    return float(values) if np.isfinite(values) else None
+
+
+def _angles(track: Track, up: NDArray[np.float64] | None) -> tuple[NDArray[np.float64], ...]:
+    covariances = joint_covariances(track.joint_confidence, track.covariances)
+    return measure_angles(track.positions, track.quats_xyzw, covariances, up)
+
+
+def _frames(tracks: Tracks) -> Iterator[tuple[int, int, float, list[tuple[int, int]]]]:
+    """Yield number, stamp and seconds of each frame, and its people with their rows in their tracks."""
     firsts = [int(np.searchsorted(tracks.stamps_ns, track.stamps_ns[0])) for track in tracks.people]
     for frame, stamp in enumerate(tracks.stamps_ns.tolist()):
-        passed_s = f"{(stamp - int(tracks.stamps_ns[0])) * 1e-9:.9f}"
-        for track, first in zip(tracks.people, firsts, strict=True):
-            i = frame - first
-            if 0 <= i < len(track) and track.present[i]:
-                writer.writerows(_rows(track, i, [frame, stamp, passed_s, track.body_id]))
+        rows = [(person, frame - first) for person, first in enumerate(firsts)]
+        there = [
+            (person, i)
+            for person, i in rows
+            if 0 <= i < len(tracks.people[person]) and tracks.people[person].present[i]
+        ]
+        yield frame, stamp, (stamp - int(tracks.stamps_ns[0])) * 1e-9, there
 
 
 def _rows(track: Track, i: int, start: list[Any]) -> Iterator[list[Any]]:
@@ -39,7 +124,9 @@ def _rows(track: Track, i: int, start: list[Any]) -> Iterator[list[Any]]:
         yield [*start, name, *where, track.joint_confidence[i, j], state, *end]
 
 
-def npz_arrays(tracks: Tracks, T_world_camera: NDArray[np.float64] | None) -> dict[str, NDArray[Any]]:
+def npz_arrays(
+    tracks: Tracks, up: NDArray[np.float64] | None, T_world_camera: NDArray[np.float64] | None
+) -> dict[str, NDArray[Any]]:
     """Build a NPZ file's arrays: (T, P, ...), frames first, then people.
 
     Where a frame lacks a person, ``present`` is false and values are NaN.
@@ -50,6 +137,7 @@ def npz_arrays(tracks: Tracks, T_world_camera: NDArray[np.float64] | None) -> di
         "body_ids": np.array([track.body_id for track in tracks.people], np.str_),
         "joints": np.array(JOINTS),
         "bones": np.array(BONES),
+        "angle_names": np.array(JOINT_ANGLES),
     }
     if T_world_camera is not None:
         out["T_world_camera"] = T_world_camera
@@ -63,4 +151,9 @@ def npz_arrays(tracks: Tracks, T_world_camera: NDArray[np.float64] | None) -> di
         for person, track in enumerate(tracks.people):
             values[np.searchsorted(tracks.stamps_ns, track.stamps_ns), person] = getattr(track, name)
         out[name] = values
-    return out
+    degrees = np.full((*shape, len(JOINT_ANGLES)), np.nan)
+    deviations = np.full_like(degrees, np.inf)
+    for person, track in enumerate(tracks.people):
+        rows = np.searchsorted(tracks.stamps_ns, track.stamps_ns)
+        degrees[rows, person], deviations[rows, person] = _angles(track, up)
+    return out | {"angles_deg": degrees, "angle_deviations_deg": deviations}

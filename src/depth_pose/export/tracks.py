@@ -30,6 +30,7 @@ ARRAYS = (
     "scale",
     "source",
     "build",
+    "covariances",
 )
 """Names of a track's arrays over frames, besides the stamps."""
 
@@ -71,6 +72,8 @@ class Track:
         `depth_pose.core.skeleton.Source` values; LOST in gaps.
     build : (T, 13) float32
         Proportions; NaN where they are not known.
+    covariances : (T, 19, 3, 3) float32
+        Of the positions, square metres; NaN where they are not known.
     """
 
     body_id: str
@@ -86,6 +89,7 @@ class Track:
     scale: NDArray[np.float32]
     source: NDArray[np.uint8]
     build: NDArray[np.float32]
+    covariances: NDArray[np.float32]
 
     def __len__(self) -> int:
         """Return the number of frames, gaps included."""
@@ -188,6 +192,8 @@ def _track(body_id: str, frames: dict[int, Skeleton], stamps_ns: NDArray[np.int6
         track.scale[at], track.source[at] = skeleton.scale, int(skeleton.source)
         if skeleton.build.size:
             track.build[at] = skeleton.build
+        if skeleton.covariances.size:
+            track.covariances[at] = skeleton.covariances
     return track
 
 
@@ -208,6 +214,7 @@ def _empty(body_id: str, frame_id: str, stamps_ns: NDArray[np.int64]) -> Track:
         nothing.copy(),
         np.full(count, Source.LOST, np.uint8),
         np.full((count, BUILD_SIZE), np.nan, np.float32),
+        np.full((count, joints, 3, 3), np.nan, np.float32),
     )
 
 
@@ -238,7 +245,8 @@ def in_world(track: Track, T_world_camera: Array, frame_id: str) -> Track:
     quats = np.full_like(track.quats_xyzw, np.nan)
     there = track.present
     quats[there] = matrix_to_quat(turn @ quat_to_matrix(track.quats_xyzw[there]))
-    return replace(track, positions=positions, quats_xyzw=quats, frame_id=frame_id)
+    covariances = (turn @ track.covariances @ turn.T).astype(np.float32)
+    return replace(track, positions=positions, quats_xyzw=quats, covariances=covariances, frame_id=frame_id)
 
 
 def usual_step_s(stamps_ns: NDArray[np.int64]) -> float:
