@@ -181,11 +181,11 @@ def test_stopped_and_gone_on(clips, bank_path, here, tmp_path, how):
         out = tmp_path / f"out{attempt}"
         command = (archive, "-o", out, "--bank", bank_path, "--workers", "1")
         run = start(*command)
-        wait_until(lambda out=out, run=run: list(out.glob("*.mcap")) or run.poll() is not None, 120)
+        wait_until(lambda out=out, run=run: list(out.glob("*.mcap")) or run.poll() is not None, 300)
         with contextlib.suppress(ProcessLookupError):
             os.killpg(run.pid, how) if how == signal.SIGINT else os.kill(run.pid, how)
-        text, _ = run.communicate(timeout=120)
-        wait_until(lambda run=run: processes_of(run.pid) == 0, 120)
+        text, _ = run.communicate(timeout=300)
+        wait_until(lambda run=run: processes_of(run.pid) == 0, 300)
         made = {path.name: path.read_bytes() for path in out.glob("*.mcap")}
         if len(made) < CLIPS:  # else this process stood still until all was done
             break
@@ -197,7 +197,7 @@ def test_stopped_and_gone_on(clips, bank_path, here, tmp_path, how):
         assert content == (here / name).read_bytes()
     (archive / "bad.mcap").write_bytes(b"no recording")
     run = start(*command[:-1], "0")
-    text, _ = run.communicate(timeout=120)
+    text, _ = run.communicate(timeout=300)
     assert run.returncode == 1, text
     assert "bad.mcap is not a supported recording" in text
     lines = lines_of(out)

@@ -61,7 +61,7 @@ def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) ->
 def call_process(*arguments: str | Path, first: Path | None = None) -> Done:
     """Call the command in a process of its own, with a folder in front of the module path."""
     command = [sys.executable, *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment(first or ""))
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment(first or ""))
     return Done(done.returncode, done.stdout, done.stderr)
 
 

@@ -288,7 +288,7 @@ def test_too_little_memory_is_one_line(
             env=environment(),
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=300,
         )
         assert done.returncode == 1
         (line,) = done.stderr.splitlines()

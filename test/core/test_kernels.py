@@ -32,7 +32,7 @@ def _run(script: Path, **environment: str) -> list[str]:
     inherited = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA")}
     path = str(Path(depth_pose.__file__).parents[1])
     done = subprocess.run(
-        [sys.executable, script], capture_output=True, text=True, timeout=120,
+        [sys.executable, script], capture_output=True, text=True, timeout=300,
         env={**inherited, "PYTHONPATH": path, **environment},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr

@@ -6,7 +6,9 @@ import sys
 import time
 
 import pytest
-from peer import Peer, join_own_domain
+from peer import LIMIT_S, Peer, join_own_domain
+
+from depth_pose.ros.process import supervisor
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # as in a shell's background job,
     signal.signal(signal.SIGINT, signal.default_int_handler)  # and so in all that the tests start
@@ -15,6 +17,12 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # as in a shell's backgro
 @pytest.fixture(autouse=True)
 def domain(monkeypatch):
     return join_own_domain(monkeypatch)
+
+
+@pytest.fixture(autouse=True)
+def patience(monkeypatch):
+    """Nodes on a busy machine need longer than usual to end; who is killed for it ends with another code."""
+    monkeypatch.setattr(supervisor, "_STOP_PATIENCE_S", LIMIT_S)
 
 
 class Running:
@@ -31,14 +39,14 @@ class Running:
     def output(self):
         return self._log_path.read_text(errors="replace")
 
-    def wait_for(self, text, timeout_s=120.0):
+    def wait_for(self, text, timeout_s=LIMIT_S):
         deadline = time.monotonic() + timeout_s
         while text not in self.output:
             assert self.process.poll() is None, f"ended with {self.process.returncode}:\n{self.output}"
             assert time.monotonic() < deadline, f"no {text!r} in {timeout_s} s:\n{self.output}"
             time.sleep(0.02)
 
-    def end(self, number, timeout_s=60.0):
+    def end(self, number, timeout_s=LIMIT_S):
         """Send a signal; give exit code and seconds it took."""
         started = time.monotonic()
         self.process.send_signal(number)
@@ -59,7 +67,7 @@ def start(domain, tmp_path):
     for r in running:
         if r.process.poll() is None:
             r.process.kill()
-            r.process.wait(30.0)
+            r.process.wait(LIMIT_S)
 
 
 @pytest.fixture

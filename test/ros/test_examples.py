@@ -102,7 +102,7 @@ int main() {
     folders = [f"-I{folder}" for folder in include.iterdir() if folder.is_dir()]
     command = ["c++", "-std=c++17", "-Wall", "-Wextra", "-Werror", *folders]
     command += [f"-I{EXAMPLES / 'cpp_subscriber' / 'src'}", "main.cpp", "-o", "main"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     assert subprocess.check_output([tmp_path / "main"], text=True) == "2.0 0 0 0"
 
@@ -111,7 +111,7 @@ def test_the_cpp_example_is_a_package_that_names_what_it_uses(tmp_path):
     folder = EXAMPLES / "cpp_subscriber"
     arguments = ["--log-base", str(tmp_path), "info", "--base-paths", str(folder)]
     done = subprocess.run(
-        [Path(sys.prefix) / "bin" / "colcon", *arguments], capture_output=True, text=True, timeout=60
+        [Path(sys.prefix) / "bin" / "colcon", *arguments], capture_output=True, text=True, timeout=300
     )
     assert done.returncode == 0, done.stderr
     assert "type: ros.ament_cmake" in done.stdout and "name: depth_pose_cpp_subscriber" in done.stdout
@@ -203,7 +203,7 @@ const context = new Proxy({{}}, {{
 page.drawFrame(context, {json.dumps(frame)}, 1200, 600);
 console.log(JSON.stringify({{ bones: page.BONES, calls }}));
 """
-    done = subprocess.run(["node", "-e", code], capture_output=True, text=True, timeout=60)
+    done = subprocess.run(["node", "-e", code], capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert {frozenset(bone) for bone in told["bones"]} == {

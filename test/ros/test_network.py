@@ -71,7 +71,7 @@ def read_as_nobody(paths):
     if os.getuid() != 0 or not shutil.which("setpriv"):
         return []
     nobody = ["setpriv", "--reuid", "65534", "--clear-groups", "env", "-i", "python3", "-c", code]
-    return subprocess.run([*nobody, *paths], capture_output=True, text=True, timeout=120).stdout.split()
+    return subprocess.run([*nobody, *paths], capture_output=True, text=True, timeout=300).stdout.split()
 
 
 def test_a_local_suite_is_this_machine_s_and_this_account_s(domain, tmp_path):
@@ -101,7 +101,7 @@ print("239.255.0.1" if "0100FFEF" in Path("/proc/net/igmp").read_text() else "no
 def own_network():
     """Return the command that runs another one in its own network, without an interface that is up."""
     command = ["unshare", "--net", *([] if os.getuid() == 0 else ["--map-root-user"])]
-    if not shutil.which("unshare") or subprocess.run([*command, "true"], timeout=120).returncode:
+    if not shutil.which("unshare") or subprocess.run([*command, "true"], timeout=300).returncode:
         pytest.skip("this account can make no network of its own")  # a container's, or the kernel forbids it
     return command
 
@@ -111,7 +111,7 @@ def test_a_machine_without_an_interface_is_one_line(domain, monkeypatch, bank_pa
     """Nodes would wait for one another, and no log would say why."""
     monkeypatch.setenv(PROFILE_VARIABLE, str(LOCAL_PROFILE_PATH if options else PROFILE_PATH))
     command = [sys.executable, "-m", "depth_pose.cli", "up", "--bank", str(bank_path), *options]
-    done = subprocess.run([*own_network(), *command], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([*own_network(), *command], capture_output=True, text=True, timeout=300)
     assert done.returncode == 2 and "ip link set lo up" in done.stderr, done.stdout + done.stderr
     assert "Traceback" not in done.stderr
 
@@ -123,7 +123,7 @@ def test_a_local_suite_joins_no_multicast_group(domain, monkeypatch, profile, gr
     """In a network of its own, where nobody else can have joined one; the usual profile joins one."""
     monkeypatch.setenv(PROFILE_VARIABLE, str(profile))
     done = subprocess.run(
-        [*own_network(), sys.executable, "-c", _GROUPS], capture_output=True, text=True, timeout=120
+        [*own_network(), sys.executable, "-c", _GROUPS], capture_output=True, text=True, timeout=300
     )
     assert group in done.stdout, done.stdout + done.stderr
 

@@ -157,8 +157,9 @@ def test_up_ends_cleanly(start, bank_path, number):
     """On Ctrl-C, and when its terminal is closed; until then `ps` shows each node by its name."""
     code = (
         f"import signal, sys; signal.signal({int(number)}, signal.SIG_DFL)\n"  # nohup has SIGHUP ignored
-        "from depth_pose.ros.process.supervisor import up\n"
-        f"sys.exit(up(bank={str(bank_path)!r}))"
+        "from depth_pose.ros.process import supervisor\n"
+        f"supervisor._STOP_PATIENCE_S = {LIMIT_S}\n"
+        f"sys.exit(supervisor.up(bank={str(bank_path)!r}))"
     )
     process = start("-c", code)
     process.wait_for("all nodes are ready", 300.0)

@@ -121,6 +121,6 @@ def test_a_node_in_c_plus_plus_of_another_workspace_gets_the_messages(tmp_path):
         env={**os.environ, "LD_LIBRARY_PATH": f"{sys.prefix}/lib"},
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
     )
     assert (done.returncode, done.stdout) == (0, "2 body_7 19\n"), done.stderr
