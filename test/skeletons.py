@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from depth_pose.core.skeleton import Source
+from depth_pose.core.skeleton import Source, Tracking
 from depth_pose.core.types import BUILD_SIZE, Skeleton
 
 
@@ -29,6 +29,7 @@ def make_skeleton(positions: np.ndarray, **values: Any) -> Skeleton:
 
 def random_skeleton(rng: np.random.Generator, **values: Any) -> Skeleton:
     """Make one of random numbers; the other values are such as float32 has."""
+    spread = rng.normal(0.0, 0.02, (19, 3, 3))
     usual = {
         "source": Source.RECOVERED,
         "confidence": float(np.float32(0.7)),
@@ -39,5 +40,8 @@ def random_skeleton(rng: np.random.Generator, **values: Any) -> Skeleton:
         "joint_confidence": rng.random(19).astype(np.float32),
         "joint_states": rng.integers(0, 4, 19).astype(np.uint8),
         "build": rng.normal(0.0, 0.05, BUILD_SIZE).astype(np.float32),
+        "velocities": rng.normal(size=(19, 3)).astype(np.float32).astype(np.float64),
+        "covariances": (spread @ spread.transpose(0, 2, 1)).astype(np.float32).astype(np.float64),
+        "tracking": Tracking.TRACKED,
     }
     return make_skeleton(**usual | values)

@@ -12,12 +12,14 @@ from mcap_ros2.writer import Writer as Ros2Writer
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
-from depth_pose.core.skeleton import JOINTS, Source
+from depth_pose.core.skeleton import JOINTS, Source, Tracking
 from depth_pose.core.types import Skeleton
 from depth_pose.io import schemas
 from depth_pose.io.depth_topics import depth_topics
 from depth_pose.io.mcap_read import DepthReader, read_frames
 from depth_pose.io.mcap_write import DepthWriter, PartlyWritten, SkeletonWriter
+from depth_pose.io.messages import read_people as read_people_message
+from depth_pose.io.messages import read_skeleton as read_skeleton_message
 from depth_pose.io.messages import write_camera_info, write_image
 from depth_pose.io.recording import Recording
 from depth_pose.io.skeleton_read import read_people, read_skeletons
@@ -104,10 +106,7 @@ def test_skeletons_are_read_as_written(tmp_path: Path) -> None:
         for skeleton in written:
             writer.write(skeleton)
     for a, b in zip(written, read_skeletons(tmp_path / "s.mcap"), strict=True):
-        for name in ("stamp_ns", "frame_id", "body_id", "source", "confidence", "residual", "scale"):
-            assert getattr(a, name) == getattr(b, name), name
-        for name in ("positions", "quats_xyzw", "joint_confidence", "joint_states", "build"):
-            np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+        assert a == b
 
 
 def test_independent_decoder_reads_our_skeletons(tmp_path: Path) -> None:
@@ -128,10 +127,22 @@ def test_independent_decoder_reads_our_skeletons(tmp_path: Path) -> None:
         assert joint.confidence == skeleton.joint_confidence[i]
         assert joint.state == skeleton.joint_states[i]
     np.testing.assert_array_equal(np.array(ros.build, np.float32), skeleton.build)
+    assert ros.tracking == Tracking.TRACKED
+    for told, known in (
+        (ros.centre, skeleton.centre),
+        (ros.velocity, skeleton.velocity),
+        (ros.box_min, skeleton.box[0]),
+        (ros.box_max, skeleton.box[1]),
+    ):
+        assert [told.x, told.y, told.z] == known.tolist()
+    np.testing.assert_array_equal(np.reshape(ros.joint_velocities, (19, 3)), skeleton.velocities)
+    six = np.reshape(ros.joint_covariances, (19, 6))
+    rows, columns = [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]
+    np.testing.assert_array_equal(six, skeleton.covariances[:, rows, columns])
 
 
-def _without_build(skeleton: Skeleton) -> dict[str, object]:
-    """A Skeleton message of before there were builds."""
+def _old_message(skeleton: Skeleton, has_build: bool) -> dict[str, object]:
+    """A Skeleton message of before there were motion and boxes, or before there were builds."""
     sec, nanosec = divmod(skeleton.stamp_ns, 10**9)
     joints = [
         {
@@ -148,13 +159,17 @@ def _without_build(skeleton: Skeleton) -> dict[str, object]:
         **{name: getattr(skeleton, name) for name in ("body_id", "confidence", "residual", "scale")},
         "source": int(skeleton.source),
         "joints": joints,
+        **({"build": skeleton.build.tolist()} if has_build else {}),
     }
 
 
-def test_recordings_of_before_there_were_builds_are_read(tmp_path: Path) -> None:
-    """With the definition of then; two people, so that nothing is read past the end of one."""
+@pytest.mark.parametrize("lacking", [schemas.MOTION_LINES, schemas.BUILD_LINE + schemas.MOTION_LINES])
+@pytest.mark.parametrize("has_definition", [True, False])
+def test_recordings_of_older_versions_are_read(tmp_path: Path, lacking: str, has_definition: bool) -> None:
+    """With the definition of then, or with none; two people, so that nothing is read past the end of one."""
+    has_build = lacking == schemas.MOTION_LINES
     people = tuple(_skeleton(i) for i in (3, 4))
-    messages = [_without_build(s) for s in people]
+    messages = [_old_message(s, has_build) for s in people]
     array = {"header": messages[0]["header"], "skeletons": messages}
     with (tmp_path / "s.mcap").open("wb") as stream:
         writer = Ros2Writer(stream)
@@ -163,19 +178,25 @@ def test_recordings_of_before_there_were_builds_are_read(tmp_path: Path) -> None
             (schemas.SKELETON_TOPIC, schemas.SKELETON, messages[0]),
         ):
             text = schemas.schema_text(kind)
-            before = writer.register_msgdef(kind, text.replace(schemas.BUILD_LINE, ""))
-            assert schemas.BUILD_LINE in text
+            before = writer.register_msgdef(kind, text.replace(lacking, ""))
+            assert lacking in text
             writer.write_message(topic, before, message, log_time=START, publish_time=START)
         writer.finish()
-    (frame,) = read_people(tmp_path / "s.mcap")
-    (followed,) = read_skeletons(tmp_path / "s.mcap")
+    if has_definition:
+        (frame,) = read_people(tmp_path / "s.mcap")
+        (followed,) = read_skeletons(tmp_path / "s.mcap")
+    else:
+        topics = (schemas.PEOPLE_TOPIC, schemas.SKELETON_TOPIC)
+        data = {m.topic: bytes(m.data) for m in Recording(tmp_path / "s.mcap").messages(*topics)}
+        frame, followed = read_people_message(data[topics[0]]), read_skeleton_message(data[topics[1]])
     for got, wanted in (
         (frame.skeletons[0], people[0]),
         (frame.skeletons[1], people[1]),
         (followed, people[0]),
     ):
         np.testing.assert_array_equal(got.positions, wanted.positions)
-        assert len(got.build) == 0
+        np.testing.assert_array_equal(got.build, wanted.build if has_build else [])
+        assert len(got.velocities) == len(got.covariances) == 0 and got.tracking is Tracking.UNKNOWN
 
 
 def test_same_input_same_bytes(tmp_path: Path) -> None:

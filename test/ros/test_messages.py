@@ -5,6 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 from depth_pose_msgs.msg import FittedArray, SkeletonArray
+from depth_pose_msgs.msg import Joint as JointMsg
 from depth_pose_msgs.msg import Skeleton as SkeletonMsg
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
@@ -346,3 +347,45 @@ def test_transforms(skeleton):
     assert [t.translation.x, t.translation.y, t.translation.z] == skeleton.positions[4].tolist()
     assert t.rotation.w == skeleton.quats_xyzw[4, 3]
     assert not tf.skeletons_to_transforms([], Skeleton.lost(1, "optical"))
+
+
+def test_motion_and_boxes_cross_at_once(skeleton):
+    """Numbers of all joints are one array each, which a message takes without a look at every number."""
+    sent = over_the_wire(skeleton_to_msg(skeleton))
+    assert sent.tracking == SkeletonMsg.TRACKING_TRACKED
+    wrist = JointMsg.LEFT_WRIST
+    assert sent.joints[wrist].name == JOINTS[wrist] == "left_wrist"
+    np.testing.assert_array_equal(
+        sent.joint_velocities[3 * wrist : 3 * wrist + 3], skeleton["left_wrist"].velocity
+    )
+    xx, xy, xz, yy, yz, zz = sent.joint_covariances[6 * wrist : 6 * wrist + 6]
+    np.testing.assert_array_equal(
+        [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], skeleton["left_wrist"].covariance
+    )
+    for place, known in ((sent.centre, skeleton.centre), (sent.velocity, skeleton.velocity),
+                         (sent.box_min, skeleton.box[0]), (sent.box_max, skeleton.box[1])):  # fmt: skip
+        assert [place.x, place.y, place.z] == known.tolist()
+    assert msg_to_skeleton(sent) == skeleton
+    lost = over_the_wire(skeleton_to_msg(Skeleton.lost(5, "optical")))
+    assert lost.tracking == SkeletonMsg.TRACKING_LOST and not lost.joint_velocities
+    assert np.isnan([lost.centre.x, lost.velocity.x, lost.box_min.x]).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "says"),
+    [
+        ("joint_velocities", [0.0] * 56, "has 56 numbers; it is none, or 57"),
+        ("joint_covariances", [0.0] * 57, "has 57 numbers; it is none, or 114"),
+        ("joint_velocities", [float("nan")] * 57, "has the number nan"),
+        ("tracking", 7, "is 7; it is one of 0 to 3"),
+    ],
+)
+def test_odd_motion_is_refused(skeleton, name, value, says):
+    message = skeleton_to_msg(skeleton)
+    setattr(message, name, value)
+    with pytest.raises(InputError, match=says):
+        msg_to_skeleton(message)
+
+
+def test_every_place_of_a_joint_has_a_constant():
+    assert [getattr(JointMsg, name.upper()) for name in JOINTS] == list(range(len(JOINTS)))

@@ -120,7 +120,8 @@ def test_rep_155(start, bank_path, peer, fitted):
     somebody = lambda heard: any(m.ids for m in heard) and skeletons and skeletons[-1].skeletons  # noqa: E731
     tracked = answers(peer, inputs, fitted, IdsList, "/humans/bodies/tracked", holds=somebody)
     (body_id,) = next(m.ids for m in reversed(tracked) if m.ids)
-    assert body_id == f"a_{skeletons[-1].skeletons[0].body_id}"
+    number = skeletons[-1].skeletons[0].body_id.removeprefix("body_")
+    assert body_id == f"a_b{number}", "frames are body_ID: not body_body_1"
     root = f"/humans/bodies/{body_id}"
     states = peer.listen(JointState, f"{root}/joint_states", RELIABLE)
     points = answers(peer, inputs, fitted, Skeleton2D, f"{root}/skeleton2d", holds=lambda _: states)
@@ -189,7 +190,15 @@ def test_rep_155_refuses_a_prefix_that_is_no_name(start, bank_path):
     assert "letters, digits and _" in process.output
 
 
-@pytest.mark.parametrize(("parameter", "package"), [("tf", "tf2-msgs"), ("rep155", "hri-msgs")])
+@pytest.mark.parametrize(
+    ("parameter", "package"),
+    [
+        ("tf", "tf2-msgs"),
+        ("rep155", "hri-msgs"),
+        ("vision_msgs", "vision-msgs"),
+        ("people_msgs", "people-msgs"),
+    ],
+)
 def test_what_is_missing_is_said(start, bank_path, parameter, package):
     """As where ROS came from apt without the package: Python does not find it."""
     code = (

@@ -19,8 +19,8 @@ from rosbags.typesys.store import Typestore
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
-from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointState, Source
-from depth_pose.core.types import BUILD_SIZE, Skeleton
+from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointState, Source, Tracking
+from depth_pose.core.types import BUILD_SIZE, Skeleton, six_numbers, symmetric
 from depth_pose.io import schemas
 
 _MOST_SKELETON_BYTES = 4 << 20
@@ -54,34 +54,35 @@ class SkeletonsMessage:
 
 
 @cache
-def _store(has_builds: bool = True) -> Typestore:
+def _store(layout: int = 0) -> Typestore:
     store = get_typestore(Stores.EMPTY)
     for name in schemas.names():
-        text = schemas.definition(name)
-        if name == schemas.SKELETON and not has_builds:
-            text = text.removesuffix(schemas.BUILD_LINE)
+        text = schemas.SKELETON_LAYOUTS[layout] if name == schemas.SKELETON else schemas.definition(name)
         store.register(get_types_from_msg(text, name))
     return store
 
 
-def read_message(data: bytes | memoryview, kind: str, has_builds: bool = True) -> Any:
+def read_message(data: bytes | memoryview, kind: str, layouts: Sequence[int] = (0,)) -> Any:
     """Decode a message; its arrays of numbers are views of the data.
 
     Parameters
     ----------
     data : bytes or memoryview
     kind : str
-    has_builds : bool
-        Whether skeletons in it end with a build; in older recordings they do not.
+    layouts : sequence of int
+        Layouts of skeletons in it that are tried (`depth_pose.io.schemas.SKELETON_LAYOUTS`).
 
     Raises
     ------
     InputError
         If the bytes are not such a message.
     """
+    first, *others = layouts
     try:
-        return _store(has_builds).deserialize_cdr(memoryview(data), kind)
+        return _store(first).deserialize_cdr(memoryview(data), kind)
     except SerdeError as error:
+        if others:
+            return read_message(data, kind, others)
         raise InputError(f"{kind}: the message is damaged ({error})") from error
 
 
@@ -115,16 +116,16 @@ def read_image(data: bytes | memoryview) -> ImageMessage:
     )
 
 
-def read_skeleton(data: bytes, definition: str = schemas.BUILD_LINE) -> Skeleton:
+def read_skeleton(data: bytes, definition: str = "") -> Skeleton:
     """Decode a Skeleton by its definition in the recording; its joints are sorted as in `JOINTS`."""
     _check_size(data)
-    return _skeleton_of(read_message(data, schemas.SKELETON, schemas.BUILD_LINE in definition))
+    return _skeleton_of(read_message(data, schemas.SKELETON, schemas.skeleton_layouts(definition)))
 
 
-def read_people(data: bytes, definition: str = schemas.BUILD_LINE) -> SkeletonsMessage:
+def read_people(data: bytes, definition: str = "") -> SkeletonsMessage:
     """Decode a SkeletonArray, by its definition in the recording."""
     _check_size(data)
-    m = read_message(data, schemas.SKELETON_ARRAY, schemas.BUILD_LINE in definition)
+    m = read_message(data, schemas.SKELETON_ARRAY, schemas.skeleton_layouts(definition))
     return SkeletonsMessage(stamp_of(m), m.header.frame_id, tuple(_skeleton_of(s) for s in m.skeletons))
 
 
@@ -159,6 +160,8 @@ def _skeleton_of(m: Any) -> Skeleton:
             positions[index] = at.x, at.y, at.z
             quats[index] = turn.x, turn.y, turn.z, turn.w
             confidence[index], states[index] = joint.confidence, joint.state
+    velocities = _rows(m, "joint_velocities", 3)
+    covariances = symmetric(_rows(m, "joint_covariances", 6))
     return Skeleton(
         stamp_of(m),
         m.header.frame_id,
@@ -172,7 +175,28 @@ def _skeleton_of(m: Any) -> Skeleton:
         confidence,
         states,
         build,
+        velocities,
+        covariances,
+        _tracking_of(m),
     )
+
+
+def _rows(m: Any, name: str, width: int) -> NDArray[np.float64]:
+    """Return numbers of all joints, one row each; no rows where they are unknown, or not of these joints."""
+    values = np.asarray(getattr(m, name, ()), np.float64)
+    if len(values) not in (0, width * len(JOINTS)):
+        raise InputError(
+            f"Skeleton: {name} has {len(values)} numbers; it must have none, or {width * len(JOINTS)}"
+        )
+    is_plain = [joint.name for joint in m.joints] == list(JOINTS)
+    return values.reshape(-1, width) if is_plain else np.zeros((0, width))
+
+
+def _tracking_of(m: Any) -> Tracking:
+    number = getattr(m, "tracking", Tracking.UNKNOWN)
+    if number not in tuple(Tracking):
+        raise InputError(f"Skeleton: tracking is {number}; it must be one of 0 to {max(Tracking)}")
+    return Tracking(number)
 
 
 def write_skeleton(skeleton: Skeleton) -> bytes:
@@ -202,6 +226,7 @@ def skeleton_fields(skeleton: Skeleton) -> dict[str, Any]:
         )
         for joint in range(len(skeleton.positions))
     ]
+    low, high = skeleton.box
     return {
         "body_id": skeleton.body_id,
         "source": int(skeleton.source),
@@ -210,6 +235,13 @@ def skeleton_fields(skeleton: Skeleton) -> dict[str, Any]:
         "scale": skeleton.scale,
         "joints": joints,
         "build": skeleton.build,
+        "tracking": int(skeleton.tracking),
+        "centre": make(schemas.POINT, *skeleton.centre),
+        "velocity": make(schemas.VECTOR, *skeleton.velocity),
+        "box_min": make(schemas.POINT, *low),
+        "box_max": make(schemas.POINT, *high),
+        "joint_velocities": skeleton.velocities.astype(np.float32).ravel(),
+        "joint_covariances": six_numbers(skeleton.covariances).astype(np.float32).ravel(),
     }
 
 

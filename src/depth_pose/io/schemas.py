@@ -6,8 +6,16 @@ Recordings carry them, so that any MCAP reader can decode the messages. They agr
 
 from __future__ import annotations
 
+MOTION_LINES = """
+uint8 tracking
+geometry_msgs/Point centre
+geometry_msgs/Vector3 velocity
+geometry_msgs/Point box_min
+geometry_msgs/Point box_max
+float32[] joint_velocities
+float32[] joint_covariances"""
 BUILD_LINE = "\nfloat32[] build"
-"""Last line of a Skeleton's definition; older recordings without builds lack it."""
+"""Last lines of a Skeleton's definition, the newest first: what older recordings lack."""
 
 _DEFINITIONS: dict[str, str] = {
     "depth_pose_msgs/Skeleton": """\
@@ -16,20 +24,44 @@ uint8 REFINED=1
 uint8 RECOVERED=2
 uint8 VOLUME=3
 uint8 LOST=4
+uint8 TRACKING_UNKNOWN=0
+uint8 TRACKING_NEW=1
+uint8 TRACKING_TRACKED=2
+uint8 TRACKING_LOST=3
 std_msgs/Header header
 string body_id
 uint8 source
 float32 confidence
 float32 residual
 float32 scale
-Joint[] joints
-float32[] build""",
+Joint[] joints"""
+    + BUILD_LINE
+    + MOTION_LINES,
     "depth_pose_msgs/SkeletonArray": "std_msgs/Header header\nSkeleton[] skeletons",
     "depth_pose_msgs/Joint": """\
 uint8 SEEN=0
 uint8 OCCLUDED=1
 uint8 OUTSIDE_IMAGE=2
 uint8 LOST=3
+uint8 PELVIS=0
+uint8 SPINE=1
+uint8 CHEST=2
+uint8 NECK=3
+uint8 HEAD=4
+uint8 LEFT_SHOULDER=5
+uint8 LEFT_ELBOW=6
+uint8 LEFT_WRIST=7
+uint8 RIGHT_SHOULDER=8
+uint8 RIGHT_ELBOW=9
+uint8 RIGHT_WRIST=10
+uint8 LEFT_HIP=11
+uint8 LEFT_KNEE=12
+uint8 LEFT_ANKLE=13
+uint8 LEFT_FOOT=14
+uint8 RIGHT_HIP=15
+uint8 RIGHT_KNEE=16
+uint8 RIGHT_ANKLE=17
+uint8 RIGHT_FOOT=18
 string name
 geometry_msgs/Point position
 geometry_msgs/Quaternion orientation
@@ -100,6 +132,7 @@ SKELETON_ARRAY = "depth_pose_msgs/msg/SkeletonArray"
 JOINT = "depth_pose_msgs/msg/Joint"
 POINT = "geometry_msgs/msg/Point"
 QUATERNION = "geometry_msgs/msg/Quaternion"
+VECTOR = "geometry_msgs/msg/Vector3"
 HEADER = "std_msgs/msg/Header"
 TIME = "builtin_interfaces/msg/Time"
 IMAGE = "sensor_msgs/msg/Image"
@@ -108,6 +141,14 @@ CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 REGION = "sensor_msgs/msg/RegionOfInterest"
 POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
+
+_NEWEST = _DEFINITIONS["depth_pose_msgs/Skeleton"]
+SKELETON_LAYOUTS = (
+    _NEWEST,
+    _NEWEST.removesuffix(MOTION_LINES),
+    _NEWEST.removesuffix(BUILD_LINE + MOTION_LINES),
+)
+"""Definitions of a Skeleton in recordings, the newest first."""
 
 
 def names() -> list[str]:
@@ -118,6 +159,15 @@ def names() -> list[str]:
 def definition(name: str) -> str:
     """Return the definition of one message, for instance of ``depth_pose_msgs/msg/Joint``."""
     return _DEFINITIONS[name.replace("/msg/", "/")]
+
+
+def skeleton_layouts(text: str) -> tuple[int, ...]:
+    """Return which of `SKELETON_LAYOUTS` a recording's definition may be; all of them without a text."""
+    if not text:
+        return tuple(range(len(SKELETON_LAYOUTS)))
+    if MOTION_LINES.splitlines()[-1] in text:
+        return (0,)
+    return (1,) if BUILD_LINE.strip() in text else (2,)
 
 
 def schema_text(name: str) -> str:

@@ -36,7 +36,7 @@ def read_skeletons(path: Path | str, topic: str = SKELETON_TOPIC) -> Iterator[Sk
     """
     recording = Recording(path)
     _require(recording, topic, schemas.SKELETON)
-    definition = recording.topics[topic].definition or schemas.BUILD_LINE
+    definition = recording.topics[topic].definition
     return _decoded(recording, topic, lambda data: read_skeleton(data, definition))
 
 
@@ -60,12 +60,12 @@ def read_people(path: Path | str, topic: str = PEOPLE_TOPIC) -> Iterator[Skeleto
     recording = Recording(path)
     found = recording.topics.get(topic)
     if found is not None and found.kind == schemas.SKELETON:
-        text = found.definition or schemas.BUILD_LINE
+        text = found.definition
         return _decoded(recording, topic, lambda data: _alone(read_skeleton(data, text)))
     if topic == PEOPLE_TOPIC and found is None and SKELETON_TOPIC in recording.topics:
         return read_people(path, SKELETON_TOPIC)
     _require(recording, topic, schemas.SKELETON_ARRAY)
-    definition = recording.topics[topic].definition or schemas.BUILD_LINE
+    definition = recording.topics[topic].definition
     return _decoded(recording, topic, lambda data: read_people_message(data, definition))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,13 +16,25 @@ from depth_pose.body.build import BuildSpace
 from depth_pose.body.pose import BodyPose, Fitted, FittedBody
 from depth_pose.core.errors import InputError
 from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
-from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, NODE_INDEX, NODES, JointState, Source
-from depth_pose.core.types import BUILD_SIZE, Skeleton
+from depth_pose.core.skeleton import (
+    JOINT_INDEX,
+    JOINT_NODES,
+    JOINTS,
+    NODE_INDEX,
+    NODES,
+    JointState,
+    Source,
+    Tracking,
+)
+from depth_pose.core.types import BUILD_SIZE, Skeleton, six_numbers, symmetric
 from depth_pose.ros.messages.basics import make_header, make_quaternion, stamp_to_ns
 from depth_pose.ros.messages.checks import FARTHEST_M, check_numbers, check_people, check_shares
 from depth_pose.track.person_view import FramePeople
 
 _STATES = frozenset(map(int, JointState))
+
+_TELLS_MOTION = hasattr(SkeletonMsg, "joint_velocities")
+"""Whether the messages are of this version: in another workspace they may have been built before."""
 
 _CLAVICLES = [NODE_INDEX["left_clavicle"], NODE_INDEX["right_clavicle"]]
 """Segments that a skeleton does not include."""
@@ -37,7 +50,7 @@ def skeleton_to_msg(skeleton: Skeleton) -> SkeletonMsg:
         skeleton.joint_states.tolist(),
         strict=False,
     )
-    return SkeletonMsg(
+    msg = SkeletonMsg(
         header=make_header(skeleton.stamp_ns, skeleton.frame_id),
         body_id=skeleton.body_id,
         source=int(skeleton.source),
@@ -56,6 +69,29 @@ def skeleton_to_msg(skeleton: Skeleton) -> SkeletonMsg:
         ],
         build=skeleton.build.tolist(),
     )
+    if _TELLS_MOTION:
+        _add_motion(msg, skeleton)
+    return msg
+
+
+def _add_motion(msg: SkeletonMsg, skeleton: Skeleton) -> None:
+    """Set the fields of the person as a whole, and the joints' velocities and covariances."""
+    low, high = skeleton.box
+    msg.tracking = int(skeleton.tracking)
+    msg.centre, msg.box_min, msg.box_max = _point(skeleton.centre), _point(low), _point(high)
+    msg.velocity.x, msg.velocity.y, msg.velocity.z = skeleton.velocity.tolist()
+    msg.joint_velocities = _floats(skeleton.velocities)
+    msg.joint_covariances = _floats(six_numbers(skeleton.covariances))
+
+
+def _point(place: NDArray[np.float64]) -> Point:
+    x, y, z = place.tolist()
+    return Point(x=x, y=y, z=z)
+
+
+def _floats(values: NDArray[np.float64]) -> array[float]:
+    """Return numbers as a message takes them at once: a list is checked one by one."""
+    return array("f", values.astype(np.float32).tobytes())
 
 
 def msg_to_skeleton(msg: SkeletonMsg) -> Skeleton:
@@ -102,7 +138,29 @@ def msg_to_skeleton(msg: SkeletonMsg) -> Skeleton:
         joint_confidence=check_shares(f"a joint of {msg.body_id}", [j.confidence for j in joints]),
         joint_states=np.array([j.state for j in joints], np.uint8),
         build=check_numbers(f"the build of {msg.body_id}", msg.build, 100.0).astype(np.float32),
+        velocities=_rows(msg, "joint_velocities", 3, count),
+        covariances=symmetric(_rows(msg, "joint_covariances", 6, count)),
+        tracking=_tracking_of(msg),
     )
+
+
+def _rows(msg: SkeletonMsg, name: str, width: int, count: int) -> NDArray[np.float64]:
+    """Return numbers of all joints, one row each; no rows where they are unknown.
+
+    Joints in another order than ours have none: the numbers are in the order of the joints.
+    """
+    values = getattr(msg, name, ())
+    if len(values) not in (0, width * count):
+        raise InputError(f"{name} of {msg.body_id} has {len(values)} numbers; it is none, or {width * count}")
+    rows = check_numbers(f"{name} of {msg.body_id}", values).reshape(-1, width)
+    return rows if [joint.name for joint in msg.joints] == list(JOINTS) else rows[:0]
+
+
+def _tracking_of(msg: SkeletonMsg) -> Tracking:
+    number = getattr(msg, "tracking", Tracking.UNKNOWN)
+    if number not in tuple(Tracking):
+        raise InputError(f"tracking of {msg.body_id} is {number}; it is one of 0 to {max(Tracking)}")
+    return Tracking(number)
 
 
 def skeletons_to_msg(skeletons: Sequence[Skeleton], stamp_ns: int, frame_id: str) -> SkeletonArray:

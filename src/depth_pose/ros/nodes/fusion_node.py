@@ -31,8 +31,9 @@ from depth_pose.ros.messages.checks import check_people
 from depth_pose.ros.messages.skeletons import msg_to_skeleton, skeletons_to_msg
 from depth_pose.ros.nodes.bank_node import BankNode
 from depth_pose.ros.nodes.node_base import Deferred, Input
-from depth_pose.ros.nodes.parameters import BANK, REP155, TF
+from depth_pose.ros.nodes.parameters import BANK, OTHERS, TF
 from depth_pose.ros.nodes.rep155_outputs import Rep155Outputs
+from depth_pose.ros.nodes.standard_outputs import StandardOutputs
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.setting import Setting
 from depth_pose.ros.transport.camera_intake import CameraIntake
@@ -49,7 +50,7 @@ SETTINGS: tuple[Setting, ...] = (
     Setting("topics", [""], "Skeletons of each camera; default: /CAMERA/depth_pose/skeletons of the rig"),
     Setting("room_frame", "room", "Frame of the merged skeletons: z up, the floor at z = 0"),
     *TF,
-    REP155,
+    *OTHERS,
 )
 """Parameters besides those of the filter; of the bank, only the body is used (``rep155``)."""
 
@@ -121,6 +122,7 @@ class FusionNode(BankNode):
         if self.value("rep155"):
             body = self.bank.body if self.value("bank") else find_body("embedded")
             self._rep155 = Rep155Outputs(self, body, prefix)
+        self._others = StandardOutputs(self, "room/detections")
 
     def inputs(self) -> Sequence[Input]:
         """Subscribe to the skeletons of all cameras."""
@@ -181,6 +183,7 @@ class FusionNode(BankNode):
             self._transforms.publish(skeletons_to_transforms(skeletons, nobody, self.value("tf_prefix")))
         if self._rep155 is not None:
             self._rep155.publish(skeletons, stamp_ns, frame_id)
+        self._others.publish(skeletons, stamp_ns, frame_id)
         self.statistics.values["people"] = len(skeletons)
 
     # Watching

@@ -101,7 +101,14 @@ REFINE: tuple[Setting, ...] = (
 """Parameters of the refine node."""
 REP155 = Setting("rep155", False, "Publish all people by REP-155: /humans/bodies/..., and frames on /tf")
 
-RECOVERY: tuple[Setting, ...] = (BANK, *TF, REP155)
+OTHERS: tuple[Setting, ...] = (
+    REP155,
+    Setting("vision_msgs", False, "Publish each person's box as vision_msgs/Detection3DArray on detections"),
+    Setting("people_msgs", False, "Publish centres and velocities as people_msgs/People on /people"),
+)
+"""Parameters for messages of other packages."""
+
+RECOVERY: tuple[Setting, ...] = (BANK, *TF, *OTHERS)
 EVERYWHERE: frozenset[str] = frozenset(s.name for s in (*COMMON, *DENOISE, *MATCHER, *REFINE, *RECOVERY)) | {
     "use_sim_time",
     "start_type_description_service",

@@ -21,6 +21,7 @@ from depth_pose.ros.nodes.bank_node import BankNode
 from depth_pose.ros.nodes.node_base import Input
 from depth_pose.ros.nodes.parameters import RECOVERY
 from depth_pose.ros.nodes.rep155_outputs import Rep155Outputs
+from depth_pose.ros.nodes.standard_outputs import StandardOutputs
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.transport.drawing import skeletons_to_markers
 from depth_pose.ros.transport.tf import Transforms, skeletons_to_transforms
@@ -54,6 +55,7 @@ class RecoveryNode(BankNode):
         prefix = self.value("tf_prefix")
         self._transforms = Transforms(self, "the parameter tf") if self.value("tf") else None
         self._rep155 = Rep155Outputs(self, self.bank.body, prefix) if self.value("rep155") else None
+        self._others = StandardOutputs(self, "detections")
 
     def inputs(self) -> Sequence[Input]:
         """Pair the points with the bodies fitted to them."""
@@ -80,6 +82,7 @@ class RecoveryNode(BankNode):
             self._transforms.publish(skeletons_to_transforms(skeletons, followed, self.value("tf_prefix")))
         if self._rep155 is not None:
             self._rep155.publish(skeletons, people.stamp_ns, frame_id, upright, people.camera)
+        self._others.publish(skeletons, people.stamp_ns, frame_id)
         if people.persons:
             self._nobody.look(None, is_found=True, is_answered=bool(skeletons), rejected={})
         self._note(followed, len(skeletons))

@@ -104,7 +104,7 @@ class Rep155Outputs:
         for skeleton, seen in zip_longest(skeletons, upright):
             if skeleton.is_lost:
                 continue
-            body_id = self._prefix + skeleton.body_id
+            body_id = self._prefix + human_id(skeleton.body_id)
             topics = self._topics(body_id, skeleton)
             if self._transforms.is_heard or topics.states.get_subscription_count():
                 posture = posture_of(skeleton, topics.sizes)
@@ -177,6 +177,12 @@ class _BodyTopics:
         for publisher in (self.skeleton2d, self.states, self._urdf):
             self._node.close_publisher(publisher)
         self._node.undeclare_parameter(f"human_description_{self._id}")
+
+
+def human_id(body_id: str) -> str:
+    """Return the id of a person under REP-155, where frames and topics begin with ``body_``: ``b7``."""
+    number = body_id.removeprefix("body_")
+    return body_id if number == body_id else f"b{number}"
 
 
 def body_frames(body_id: str, skeleton: Skeleton, posture: Posture) -> list[Any]:
