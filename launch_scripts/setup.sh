@@ -62,7 +62,7 @@ fetch_packages() {
 install_packages() {
     local from=()
     if [ -d "$wheels" ]; then from=(--no-index --find-links "$wheels"); fi
-    pip install --no-compile "${from[@]}" --no-build-isolation -e ".[ros,ros-build,sim,view,pictures,gltf,live${with_test:+,test,docs}]" \
+    pip install --no-compile "${from[@]}" --no-build-isolation -e ".[sim,view,pictures,gltf,live${with_test:+,test,docs}]" \
         && rm -rf "$wheels"
 }
 
@@ -86,7 +86,7 @@ if [ -f "$lock" ]; then # tested versions; for another Python, or with DEPTH_POS
     export PIP_CONSTRAINT=$root/$lock
     version+=$(cat "$lock")
 fi
-ros_key=$( (echo "$version"; sed -n '/^ros = \[/,/^test = \[/p' pyproject.toml) | digest)
+ros_key=$( (echo "$version"; sed -n '/^\[dependency-groups\]/,/^\[tool/p' pyproject.toml) | digest)
 messages_key=$( (
     echo "$ros_key"
     find ros_ws/src/depth_pose_msgs ros_ws/wheel_only launch_scripts/helpers/build_messages.sh \

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -33,8 +34,14 @@ COMMANDS = (
     "play",
     "record",
     "demo",
+    "topics",
+    "echo",
     "hz",
     "tf",
+    "param",
+    "param list",
+    "param get",
+    "param set",
     "simulate",
     "eval",
     "overlay",
@@ -83,8 +90,22 @@ def test_help_names_every_command() -> None:
 def test_every_command_has_examples(name: str, call: Callable[..., Done]) -> None:
     done = call(*name.split(), "--help")
     assert done.returncode == 0
-    if name != "bank":
+    if name not in ("bank", "param"):
         assert f"depth-pose {name}" in done.stdout
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_paragraphs_of_help_fill_80_columns(
+    name: str, call: Callable[..., Done], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A line ends where the next word does not fit, not where the source had its break."""
+    monkeypatch.setenv("COLUMNS", "80")
+    lines = [line.strip() for line in call(*name.split(), "--help").stdout.splitlines()]
+    prose = lines[: next(i for i, line in enumerate(lines) if line.startswith("╭"))]
+    assert max(map(len, prose)) <= 79
+    for line, following in pairwise(prose):
+        if line and following:
+            assert len(line) + 1 + len(following.split()[0]) > 78, (line, following)
 
 
 def test_start_up_loads_only_what_help_needs() -> None:
@@ -124,6 +145,11 @@ def test_defaults_are_those_of_the_configuration(call: Callable[..., Done]) -> N
             "error: follow.whom is 'me'; it is one of first",
         ),
         (["run", "{in}", "-o", "out.mcap", "--people", "-1"], 2, "--people"),
+        (["run", "{in}", "-o", "out.csv"], 2, "error: out.csv must be a recording (depth-pose export"),
+        (["run", "{in}", "-o", "out.mcap", "--save-build", "b.txt"], 2, "its name ends in .json"),
+        (["record", "-o", "out.bag"], 2, "error: out.bag must be a recording: its name ends in .mcap"),
+        (["bank", "build", "-o", "bank.zip"], 2, "error: bank.zip must be a bank"),
+        (["volume", "train", "-o", "model.h5"], 2, "error: model.h5 must be a model"),
         (["run", "{in}"], 2, "--output"),
         (["run", "{in}", "-o", "out.mcap", "--cluster", "tcp://x:1"], 2, "--cluster is for several"),
         (["run", "{in}", "{in}", "-o", "out.mcap"], 2, "out.mcap is a file's name"),
@@ -277,10 +303,69 @@ def test_bad_settings_files(tmp_path: Path, name: str, text: str | None, error: 
         read_settings(tmp_path / name)
 
 
-def test_missing_ros_is_said_plainly(tmp_path: Path) -> None:
-    """A module path in front that has no ROS: the import fails as it does without it."""
-    (tmp_path / "rclpy.py").write_text("raise ModuleNotFoundError('no rclpy', name='rclpy')\n")
-    done = call_process("-m", "depth_pose.cli", "play", "x.mcap", first=tmp_path)
-    assert done.returncode == 1
-    assert "ROS 2 is not installed" in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
+LIVE = (
+    "up",
+    "up --auto",
+    "fuse --topic /a/skeletons --topic /b/skeletons",
+    "pause",
+    "resume",
+    "play {in}",
+    "record -o out.mcap --seconds 1",
+    "demo",
+    "demo {in}",
+    "topics",
+    "echo",
+    "hz",
+    "tf",
+    "param list",
+    "view",
+    "calibrate --live /a /b -o rig.yaml",
+    "volume live",
+)
+
+WITHOUT_ROS = """
+import sys
+from depth_pose.cli import main
+class Gone:
+    def find_spec(self, name, path=None, target=None):
+        package = name.partition(".")[0]
+        if package in ("rclpy", "builtin_interfaces") or package.endswith("_msgs"):
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+sys.meta_path.insert(0, Gone())
+for line in sys.stdin.read().splitlines():
+    sys.argv = ["depth-pose", *line.split()]
+    print(">", line, file=sys.stderr, flush=True)
+    try:
+        main()
+    except SystemExit as end:
+        assert end.code == 1, line
+    for name in [n for n in sys.modules if n.startswith("depth_pose.ros")]:
+        del sys.modules[name]
+"""
+
+
+def test_without_ros_every_live_command_ends_with_one_line(tmp_path: Path, recording: Path) -> None:
+    lines = [line.replace("{in}", str(recording)) for line in LIVE]
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT_ROS],
+        input="\n".join(lines),
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        env=environment(),
+    )
+    assert done.returncode == 0, done.stderr
+    told = [part.splitlines() for part in done.stderr.split("> ")[1:]]
+    assert [line for line, *_ in told] == lines
+    for line, *said in told:
+        assert len(said) == 1 and "ROS 2 is not installed in this Python" in said[0], (line, said)
+    assert "recording" in done.stdout or not done.stdout
+    assert list(tmp_path.iterdir()) == [recording]
+
+
+def test_messages_that_are_not_built_are_named(tmp_path: Path) -> None:
+    (tmp_path / "depth_pose_msgs.py").write_text("raise ModuleNotFoundError('no', name='depth_pose_msgs')\n")
+    done = call_process("-m", "depth_pose.cli", "up", first=tmp_path)
+    assert done.returncode == 1 and done.stderr.count("\n") == 1
+    assert "depth_pose_msgs are not built for this Python" in done.stderr

@@ -193,8 +193,8 @@ def test_an_output_that_ends_in_a_slash_is_a_folder(tmp_path: Path, call: Callab
     done = call("run", day, "-o", f"{tmp_path}/out/", "--workers", "0")
     assert done.returncode == 0, done.stderr
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"day.mcap", "report.csv"}
-    assert call("run", day, "-o", tmp_path / "one").returncode == 0
-    assert (tmp_path / "one").is_file()
+    assert call("run", day, "-o", tmp_path / "one.mcap").returncode == 0
+    assert (tmp_path / "one.mcap").is_file()
 
 
 def test_info(tmp_path: Path, call: Callable[..., Done]) -> None:

@@ -13,7 +13,7 @@ import typer
 
 from depth_pose import __version__
 from depth_pose.cli.banks import app as bank_app
-from depth_pose.cli.console import console, tell_error
+from depth_pose.cli.console import console, tell_error, unwrap_help
 from depth_pose.cli.damage import LENIENT_HELP, be_lenient, exit_on_damage
 from depth_pose.cli.export import add_to as add_export
 from depth_pose.cli.fusion import add_to as add_fusion
@@ -92,6 +92,7 @@ add_export(app)
 add_report(app)
 app.add_typer(bank_app, name="bank")
 app.add_typer(volume_app, name="volume")
+unwrap_help(app)
 
 
 def run_command() -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from depth_pose.cli import shared
-from depth_pose.cli.console import console, errors, print_facts, progress_bar, say
+from depth_pose.cli.console import check_ending, console, errors, print_facts, progress_bar, say
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.extras import require
 from depth_pose.core.outputs import check_targets
@@ -91,6 +91,7 @@ def build(
         raise ConfigError("--with-embedded needs --mocap")
     is_file = body not in ("embedded", "anny")
     check_targets([output], [mocap, body if is_file else None])
+    check_ending(output, ".npz", "a bank")
     chosen: dict[str, Any] = {"poses": poses, "seed": seed, "views": views}
     config = BuildConfig(**{name: value for name, value in chosen.items() if value is not None})
     start = time.monotonic()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import inspect
+from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -14,6 +16,7 @@ from depth_pose.core.progress import SafeConsole, archive_bar, errors, loading, 
 
 __all__ = [
     "archive_bar",
+    "check_ending",
     "console",
     "errors",
     "given",
@@ -24,6 +27,7 @@ __all__ = [
     "setting",
     "tell_error",
     "tell_stopped",
+    "unwrap_help",
     "warn",
 ]
 
@@ -38,15 +42,39 @@ def setting(config: type, name: str, *flags: str) -> Any:
     found = next(o for o in options(config) if o.name == name)
     unit = f" {found.unit}" if found.unit else ""
     text = found.help + (f" ({', '.join(found.choices)})" if found.choices else "")
+    text += f" ({found.unit})" if found.unit else ""
     kinds: dict[str, Any] = {}
     if not isinstance(found.default, (str, bool)):
         kinds = {"min": found.low, "max": found.high}
     return typer.Option(
         *(flags or (f"--{name.replace('_', '-')}",)),
         help=escape(text),
-        show_default=f"{found.default}{unit}",
+        show_default=f"{found.default}{unit}" or "empty",
         **kinds,
     )
+
+
+def unwrap_help(app: typer.Typer) -> None:
+    """Join the lines of each paragraph of the commands' help, so that the terminal's width breaks them."""
+    for command in app.registered_commands:
+        if command.callback is not None:
+            paragraphs = inspect.cleandoc(command.help or command.callback.__doc__ or "").split("\n\n")
+            command.help = "\n\n".join(paragraph.replace("\n", " ") for paragraph in paragraphs)
+    for group in app.registered_groups:
+        if group.typer_instance is not None:
+            unwrap_help(group.typer_instance)
+
+
+def check_ending(output: Path | None, ending: str, what: str) -> None:
+    """Check the extension of an output, before any work; None for an output that was not requested.
+
+    Raises
+    ------
+    ConfigError
+        If it is another one.
+    """
+    if output is not None and output.suffix.lower() != ending:
+        raise ConfigError(f"{output} must be {what}: its name ends in {ending}")
 
 
 def given(**values: Any) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from depth_pose.cli import shared
-from depth_pose.cli.console import console, print_facts, say, setting, warn
+from depth_pose.cli.console import check_ending, console, print_facts, say, setting, warn
 from depth_pose.cli.damage import be_lenient
 from depth_pose.core.config import FollowConfig, RefineConfig, SegmentConfig
 from depth_pose.core.errors import ConfigError, DepthPoseError
@@ -20,6 +20,16 @@ from depth_pose.io.damage import tell_damage
 from depth_pose.io.image_options import ImageOptions
 
 _ROS_PACKAGES = ("rclpy", "builtin_interfaces", "rosidl_runtime_py", "rpyutils")
+
+_WITHOUT_OUR_MESSAGES = (
+    "nodes.lifecycle",
+    "tools.bag",
+    "tools.inspect_topics",
+    "tools.node_parameters",
+    "tools.topics",
+    "transport.find_depth",
+)
+"""Modules that work where `depth_pose_msgs` is not built, as on a robot with another ROS."""
 
 
 _Namespace = Annotated[str, typer.Option(help="Namespace of the nodes.")]
@@ -40,18 +50,22 @@ def call_ros(module: str, function: str, *arguments: Any, **options: Any) -> Any
     os.umask(0o077)  # recordings of people are readable by this account only
     try:
         importlib.import_module("depth_pose.ros.process.logs").ensure_log_folder()
+        importlib.import_module("rclpy")  # the nodes' processes would end with tracebacks
+        if module not in _WITHOUT_OUR_MESSAGES:
+            importlib.import_module("depth_pose_msgs.msg")
         found = importlib.import_module(f"depth_pose.ros.{module}")
         return getattr(found, function)(*arguments, **options)
-    except ModuleNotFoundError as error:
+    except ImportError as error:
         missing = (error.name or "").partition(".")[0]
         if missing == "depth_pose_msgs":
             raise DepthPoseError(
-                "the depth_pose_msgs messages are not built; run: bash launch_scripts/setup.sh"
+                "the messages depth_pose_msgs are not built for this Python; run: bash "
+                "launch_scripts/setup.sh in a clone"
             ) from error
         if missing in _ROS_PACKAGES or missing.endswith("_msgs"):
             raise DepthPoseError(
-                f"ROS 2 is not installed in this Python ({missing} is missing); "
-                "run: bash launch_scripts/setup.sh, or source a ROS 2 Jazzy installation"
+                f"ROS 2 is not installed in this Python ({missing} is missing); run: bash "
+                "launch_scripts/setup.sh in a clone, or source a ROS 2 Jazzy installation"
             ) from error
         raise
 
@@ -240,6 +254,7 @@ def record(
     depth-pose record -o all.mcap --seconds 30
     """
     check_targets([output])
+    check_ending(output, ".mcap", "a recording")
     console.print("recording, Ctrl-C ends" if seconds is None else f"recording {seconds:g} s")
     counts = call_ros("tools.bag", "record", output, topics or None, seconds=seconds)
     if not counts:

@@ -1,4 +1,4 @@
-"""The commands that look at topics: ``depth-pose hz`` and ``depth-pose tf``."""
+"""The commands that look at running nodes: ``depth-pose topics``, ``echo``, ``hz``, ``tf`` and ``param``."""
 
 from __future__ import annotations
 
@@ -13,8 +13,12 @@ from depth_pose.core.errors import InputError
 
 def add_to(app: typer.Typer) -> None:
     """Add the commands."""
-    for command in (hz, tf):
+    for command in (topics, echo, hz, tf):
         app.command()(command)
+    app.add_typer(param, name="param")
+
+
+param = typer.Typer(no_args_is_help=True, help="List, read and set parameters of running nodes.")
 
 
 _EVERY = Annotated[float, typer.Option(min=0.05, help="Seconds between two lines.")]
@@ -23,6 +27,46 @@ _COUNT = Annotated[
     int | None, typer.Option(min=1, help="Stop after this number of lines.", show_default="Ctrl-C")
 ]
 """Option of both commands."""
+
+
+def topics() -> None:
+    """List the topics: type, publishers and subscribers, as `ros2 topic list -v` does.
+
+    [bold]Examples:[/bold]
+
+    depth-pose topics
+    """
+    found = call_ros("tools.topics", "list_topics")
+    if not found:
+        raise InputError("there is no topic: nothing runs in this domain (ROS_DOMAIN_ID)")
+    rows = [
+        (state.name, f"{', '.join(state.types)}: {state.publishers} publish, {state.subscribers} subscribe")
+        for state in found
+    ]
+    print_facts("topics", rows)
+
+
+def echo(
+    topic: Annotated[str, typer.Argument(help="A topic.")] = "/depth_pose/skeleton",
+    count: Annotated[
+        int | None, typer.Option(min=1, help="Stop after this number of messages.", show_default="Ctrl-C")
+    ] = None,
+) -> None:
+    """Print the messages of a topic as YAML, as `ros2 topic echo` does; long arrays are cut.
+
+    [bold]Examples:[/bold]
+
+    depth-pose echo
+
+    depth-pose echo /camera/depth/camera_info --count 1
+    """
+    import yaml
+
+    for message in _first(call_ros("tools.topics", "echo", topic), count):
+        text = yaml.safe_dump(message, sort_keys=False, default_flow_style=None, width=100)
+        for line in text.splitlines():
+            say(line)
+        say("---")
 
 
 def hz(
@@ -61,27 +105,34 @@ def tf(
 ) -> None:
     """Print the transform of a /tf frame, as `tf2_echo` does, or list all frames.
 
-    Nodes broadcast frames with the parameter tf (joints, the floor) or rep155.
+    Nodes broadcast frames with the parameter tf or rep155. With tf the followed person's joints are
+    left_wrist and so on, everybody's body_1_left_wrist; the floor is floor, and the optical frame is that of
+    the depth images. --in takes any of them.
 
     [bold]Examples:[/bold]
 
     depth-pose tf
 
-    depth-pose tf body_1_left_wrist --in floor
+    depth-pose tf left_wrist --in floor
+
+    depth-pose tf body_1_head --in camera_depth_optical_frame
     """
-    if frame is None or parent is None:
-        frames = call_ros("tools.inspect_topics", "list_frames", every)
-        if not frames:
-            raise InputError(
-                "no frame is broadcast: nobody is in view, or the nodes run without the parameter "
-                "tf: true, or rep155: true"
-            )
-        if frame is None:
-            print_facts("frames", sorted((child, f"in {above}") for child, above in frames.items()))
-            return
-        parent = frames.get(frame.lstrip("/"))
-        if parent is None:
-            raise InputError(f"no frame {frame} is broadcast; there are {', '.join(sorted(frames))}")
+    frames = call_ros("tools.inspect_topics", "list_frames", every)
+    if not frames:
+        raise InputError(
+            "no frame is broadcast: nobody is in view, or the nodes run without the parameter "
+            "tf: true, or rep155: true"
+        )
+    if frame is None:
+        print_facts("frames", sorted((child, f"in {above}") for child, above in frames.items()))
+        return
+    known = {*frames, *frames.values()}
+    for name in filter(None, (frame, parent)):
+        if name.lstrip("/") not in known:
+            raise InputError(f"no frame {name} is broadcast; there are {', '.join(sorted(known))}")
+    parent = parent or frames.get(frame.lstrip("/"))
+    if parent is None:
+        raise InputError(f"{frame} has no frame above it; give one with --in: {', '.join(sorted(frames))}")
     for place in _first(call_ros("tools.inspect_topics", "watch_frame", frame, parent, every), count):
         if place is None:
             say(f"{frame} in {parent}: not known yet")
@@ -113,3 +164,56 @@ def _print_place(place: Any) -> None:
         markup=False,
         soft_wrap=True,
     )
+
+
+_NODE = Annotated[str, typer.Argument(help="A node: denoise, matcher, refine, recovery; or its full name.")]
+_PARAMETER = Annotated[str, typer.Argument(help="The parameter's name.")]
+
+
+@param.command(name="list")
+def list_parameters(
+    node: Annotated[
+        str | None, typer.Argument(help="A node, as of get.", show_default="all nodes of depth_pose")
+    ] = None,
+) -> None:
+    """List parameters with their values.
+
+    [bold]Examples:[/bold]
+
+    depth-pose param list
+
+    depth-pose param list recovery
+
+    depth-pose param list /left/depth_pose/denoise
+    """
+    for name, values in call_ros("tools.node_parameters", "list_parameters", node).items():
+        print_facts(name, [(parameter, str(value)) for parameter, value in values.items()])
+
+
+@param.command(name="get")
+def get_parameter(node: _NODE, parameter: _PARAMETER) -> None:
+    """Print the value of a parameter.
+
+    [bold]Examples:[/bold]
+
+    depth-pose param get denoise segment.far
+    """
+    say(str(call_ros("tools.node_parameters", "get_parameter", node, parameter)))
+
+
+@param.command(name="set")
+def set_parameter(
+    node: _NODE, parameter: _PARAMETER, value: Annotated[str, typer.Argument(help="The new value.")]
+) -> None:
+    """Set a parameter of a running node.
+
+    [bold]Examples:[/bold]
+
+    depth-pose param set denoise segment.far 5
+
+    depth-pose param set denoise zone 1:4.5
+
+    depth-pose param set recovery follow nearest
+    """
+    now = call_ros("tools.node_parameters", "set_parameter", node, parameter, value)
+    say(f"{node} {parameter} = {now}")

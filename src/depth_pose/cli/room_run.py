@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from depth_pose.cli import STOPPED
-from depth_pose.cli.console import loading, print_facts, progress_bar, tell_stopped, warn
+from depth_pose.cli.console import check_ending, loading, print_facts, progress_bar, tell_stopped, warn
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.outputs import check_targets
@@ -45,6 +45,7 @@ def run_room(
     from depth_pose.rooms.rigfile import load_rig
 
     check_targets([output], [*recordings, rig_file, bank])
+    check_ending(output, ".mcap", "a recording")
     rig = load_rig(rig_file)
     _check(rig, rig_file, recordings)
 

@@ -13,6 +13,7 @@ import typer
 from depth_pose.cli import STOPPED, shared
 from depth_pose.cli.console import (
     archive_bar,
+    check_ending,
     console,
     errors,
     given,
@@ -214,6 +215,8 @@ def run(
                 "--cluster is for several recordings; for one, let -o be a folder (its name ends in /)"
             )
         check_targets([target, save_build], [recordings[0], bank, params, config.build.file or None])
+        check_ending(target, ".mcap", "a recording (depth-pose export makes other files of it) or end in /")
+        check_ending(save_build, ".json", "a build")
         _run_one(
             Path(recordings[0]), target, bank, depth_topic, images, config, save_build, markers, passes, live
         )

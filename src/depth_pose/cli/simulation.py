@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from depth_pose.cli.console import given, loading, print_facts, progress_bar, setting
+from depth_pose.cli.console import check_ending, given, loading, print_facts, progress_bar, setting
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.extras import require
 from depth_pose.core.outputs import check_targets
@@ -79,7 +79,7 @@ def simulate(
         ),
     ] = None,
     width: Annotated[int | None, typer.Option(min=64, max=4096, help="Image width in pixels.")] = None,
-    seconds: Annotated[float, typer.Option(min=0.04, max=3600.0, help="Length.")] = 10.0,
+    seconds: Annotated[float, typer.Option(min=0.04, max=3600.0, help="Length, seconds.")] = 10.0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of motion, noise and room.")] = 0,
     stature: Annotated[float | None, setting(Person, "stature")] = None,
     girth: Annotated[float | None, setting(Person, "girth")] = None,
@@ -123,8 +123,7 @@ def simulate(
 
     depth-pose simulate -o pair.mcap --room --people 2 --cameras 2 --seconds 60
     """
-    if output.suffix != ".mcap":
-        raise ConfigError(f"{output} must be a recording: its name ends in .mcap")
+    check_ending(output, ".mcap", "a recording")
     chosen = given(
         stature=stature,
         girth=girth,

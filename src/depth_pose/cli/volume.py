@@ -10,6 +10,7 @@ import typer
 
 from depth_pose.cli import STOPPED
 from depth_pose.cli.console import (
+    check_ending,
     console,
     given,
     loading,
@@ -162,6 +163,7 @@ def train(
     from depth_pose.volume.learn.training import PERFORMANCES, dance_clips
 
     check_targets([output, plot], [*(motion or []), rig, params])
+    check_ending(output, ".npz", "a model")
     check_picture(plot)
     start = time.monotonic()
     config = _settings(params, learn=given(iterations=iterations, latent=latent), space=given(voxel=voxel))
@@ -222,6 +224,7 @@ def run(
     from depth_pose.volume.recordings import ViewReader
 
     check_targets([output], [recording, model, rig, params])
+    check_ending(output, ".mcap", "a recording")
     config = _settings(
         params, space=given(voxel=voxel), views=given(cut_out=cut_out, depth_scale=depth_scale),
         track=given(particles=particles, likelihood=likelihood, stature=stature, refine=refine),
@@ -303,7 +306,9 @@ def demo(
         typer.Option(min=1, max=32, help="Cameras all around.", show_default="8 silhouettes, 1 of depth"),
     ] = None,
     garment: Annotated[str, typer.Option(help="Garment of the dancer.")] = "skirt",
-    seconds: Annotated[float, typer.Option(min=1.0, max=120.0, help="Length of the performance.")] = 10.0,
+    seconds: Annotated[
+        float, typer.Option(min=1.0, max=120.0, help="Length of the performance, seconds.")
+    ] = 10.0,
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of the performance; 1 to 10 are used in training.")
     ] = 21,

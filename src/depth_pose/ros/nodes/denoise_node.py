@@ -31,8 +31,10 @@ from depth_pose.ros.messages.frames import has_wrong_order, image_to_frame, msg_
 from depth_pose.ros.nodes.node_base import Deferred, Drop, Input, StageNode
 from depth_pose.ros.nodes.parameters import DENOISE
 from depth_pose.ros.nodes.room_outputs import RoomOutputs
+from depth_pose.ros.nodes.topic_node import BUSY_REASONS
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.transport.frames_in_flight import LONGEST_S, FramesInFlight
+from depth_pose.ros.transport.pace import Pace
 from depth_pose.track.nobody import NobodyWatch
 from depth_pose.track.upside_down import UpsideDownWatch
 
@@ -57,6 +59,7 @@ class DenoiseNode(StageNode):
         Images waiting for the first CameraInfo of their camera.
     """
 
+    LOGS_BUSY = False  # but see `Pace`
     SECTIONS = ("mount", "segment", "denoise", "match")
     SETTINGS = DENOISE
 
@@ -68,6 +71,7 @@ class DenoiseNode(StageNode):
         self._rectified = False
         self.held: deque[Image | CompressedImage] = deque()
         self._in_flight = FramesInFlight()
+        self._pace = Pace()
         self._order = StampFilter()
         self._order_doubt = self._axes_doubt = ""
         super().__init__("denoise")
@@ -113,6 +117,7 @@ class DenoiseNode(StageNode):
     def forget(self) -> None:
         """Drop the waiting images."""
         self.held.clear()
+        self._pace.forget()
         self._in_flight.forget()
         self._order.reset()
 
@@ -132,6 +137,7 @@ class DenoiseNode(StageNode):
         self._points.publish(points)
         self._people.publish(names)
         self._in_flight.begin(found.stamp_ns, time.monotonic())
+        self._pace.begin()
         is_turned = isinstance(message, PointCloud2) and frame.frame_id != message.header.frame_id
         self._room.publish(frame, found, self.stage.floor_finder, is_turned=is_turned)
         if is_turned and not self._axes_doubt:
@@ -203,6 +209,10 @@ class DenoiseNode(StageNode):
     def judge(self) -> tuple[bytes, str]:
         """Return the level and the text of this second's diagnostics, with warnings about the images."""
         level, words = super().judge()
+        if self.is_active and not self.lossless:
+            slow = self._pace.look(sum(self.statistics.drops[r] for r in BUSY_REASONS), time.monotonic())
+            if slow:
+                self.get_logger().warning(slow)
         if level == DiagnosticStatus.OK and self.is_active:
             doubts = self._doubts()
             if doubts:
@@ -212,6 +222,7 @@ class DenoiseNode(StageNode):
     def _take_answer(self, message: bytes) -> None:
         """Record the arrival of a frame."""
         self._in_flight.arrive(first_stamp_ns(message), time.monotonic())
+        self._pace.arrive()
         self._begin_waiting()
 
     def _begin_waiting(self) -> None:

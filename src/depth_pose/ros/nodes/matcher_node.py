@@ -22,6 +22,7 @@ from depth_pose.stages import Shared
 class MatcherNode(BankNode):
     """Finds similar exemplars in the bank (Sec. 5)."""
 
+    LOGS_BUSY = False
     SECTIONS = ("build",)
     SETTINGS = MATCHER
 

@@ -33,6 +33,7 @@ from depth_pose.track.nobody import NobodyWatch
 class RecoveryNode(BankNode):
     """Finds failures, recovers from them over time, and smooths (Sec. 6, last part)."""
 
+    LOGS_BUSY = False
     SECTIONS = ("mount", "recover", "smooth", "refine", "follow")
     SETTINGS = RECOVERY
 

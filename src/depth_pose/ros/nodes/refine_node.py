@@ -31,6 +31,7 @@ from depth_pose.track.person_view import FramePeople
 class RefineNode(BankNode):
     """Fits the body to the points, from the matched exemplars (Sec. 6)."""
 
+    LOGS_BUSY = False
     SECTIONS = ("mount", "refine", "build")
     SETTINGS = REFINE
 

@@ -11,7 +11,7 @@ import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
@@ -31,6 +31,12 @@ from depth_pose.ros.setting import Setting
 from depth_pose.ros.transport.intake import LOG_EVERY_S, NO_EVENTS, frame_qos
 from depth_pose.ros.transport.latched import LatchedTopic
 
+BUSY_REASONS = ("overtaken", "missed", "unpaired")
+"""Reasons of drops that come of a machine that is too slow."""
+
+BUSY_EVERY_S = 60.0
+"""Seconds between two lines about a machine that is too slow. Set by hand."""
+
 
 class TopicNode(LifecycleNode, ABC):
     """A managed node that opens and closes its topics together, and counts frames without an answer.
@@ -43,7 +49,11 @@ class TopicNode(LifecycleNode, ABC):
         Parameter ``reliable``: whether every frame is processed.
     queue : int
         Parameter ``queue``: frames that may wait.
+    LOGS_BUSY : bool
+        Whether it logs drops for `BUSY_REASONS`; where another node sums them up they are only counted.
     """
+
+    LOGS_BUSY: ClassVar[bool] = True
 
     def __init__(
         self, name: str, settings: Sequence[Setting], sections: Sequence[str], config: type[Sections]
@@ -139,9 +149,12 @@ class TopicNode(LifecycleNode, ABC):
     def drop(self, reason: str, detail: str, count: int = 1) -> None:
         """Count frames without an answer, and log them at a limited rate."""
         self.statistics.drop(reason, count)
+        is_busy = reason in BUSY_REASONS
+        if is_busy and not self.LOGS_BUSY:
+            return
         last, before = self._logged.get(reason, (-1e9, 0))
         now, total = time.monotonic(), self.statistics.drops[reason]
-        if now - last < LOG_EVERY_S:
+        if now - last < (BUSY_EVERY_S if is_busy else LOG_EVERY_S):
             return
         self._logged[reason] = (now, total)
         more = f" ({total - before} of these since the last such line)" if total - before > 1 else ""

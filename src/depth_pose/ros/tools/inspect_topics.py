@@ -5,9 +5,8 @@ Counterparts of ``ros2 topic hz`` and ``tf2_echo`` for machines without ROS from
 
 from __future__ import annotations
 
-import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -19,16 +18,9 @@ from depth_pose.core.errors import ConfigError
 from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.rooms.transform_tree import TransformTree, pose_matrix
 from depth_pose.ros.messages.basics import stamp_to_ns
-from depth_pose.ros.process.runner import on_stop
+from depth_pose.ros.tools.listener import listener, wait_until
 from depth_pose.ros.tools.message_text import message_class
 from depth_pose.ros.transport.tf import LATCHED, TF_QUEUE, tf_message
-
-_TICK_S = 0.05
-"""Maximum wait for a message between checks for a stop signal, seconds. Set by hand."""
-
-
-_DISCOVER_S = 3.0
-"""Time limit for finding publishers, and then for a first message, seconds. Set by hand."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +87,7 @@ def watch_rate(topic: str, every_s: float = 1.0) -> Iterator[Rate | None]:
 
     times: list[float] = []
     qos = QoSProfile(depth=TF_QUEUE, reliability=ReliabilityPolicy.BEST_EFFORT)
-    with _listener("hz") as (node, turns):
+    with listener("hz") as (node, turns):
 
         def listen() -> bool:
             kinds = dict(node.get_topic_names_and_types()).get(topic)
@@ -105,9 +97,9 @@ def watch_rate(topic: str, every_s: float = 1.0) -> Iterator[Rate | None]:
             node.create_subscription(kind, topic, lambda _: times.append(time.monotonic()), qos, raw=True)
             return True
 
-        is_listening = _await(listen, turns)
+        is_listening = wait_until(listen, turns)
         if is_listening:
-            _await(lambda: bool(times), turns)
+            wait_until(lambda: bool(times), turns)
         last = times[-1] if times else None
         times.clear()
         for _ in turns(every_s):
@@ -119,17 +111,6 @@ def watch_rate(topic: str, every_s: float = 1.0) -> Iterator[Rate | None]:
                 told = Rate(1.0 / max(gaps.mean(), 1e-9), gaps.min(), gaps.max(), gaps.std(), len(times))
             times.clear()
             yield told
-
-
-def _await(condition: Callable[[], bool], turns: Callable[[float], Iterator[None]]) -> bool:
-    """Wait until a condition holds, at most as long as discovery takes; return whether it does."""
-    began = time.monotonic()
-    for _ in turns(_TICK_S):
-        if condition():
-            return True
-        if time.monotonic() - began > _DISCOVER_S:
-            break
-    return False
 
 
 class _Heard:
@@ -169,7 +150,7 @@ def watch_frame(frame: str, parent: str, every_s: float = 1.0) -> Iterator[Place
 def list_frames(seconds: float) -> dict[str, str]:
     """Return all frames received in a period, each with its parent."""
     with _frames() as (heard, turns):
-        _await(lambda: bool(heard.stamps), turns)
+        wait_until(lambda: bool(heard.stamps), turns)
         next(turns(seconds), None)
         return heard.tree.parents()
 
@@ -177,36 +158,7 @@ def list_frames(seconds: float) -> dict[str, str]:
 @contextmanager
 def _frames() -> Iterator[Any]:
     message, heard = tf_message("looking at frames"), _Heard()
-    with _listener("tf") as (node, turns):
+    with listener("tf") as (node, turns):
         node.create_subscription(message, "/tf", heard.take, TF_QUEUE)
         node.create_subscription(message, "/tf_static", heard.take, LATCHED)
         yield heard, turns
-
-
-@contextmanager
-def _listener(name: str) -> Iterator[Any]:
-    """Create a node, and a function that spins it for some seconds, until a stop signal."""
-    import rclpy
-    from rclpy.context import Context
-    from rclpy.executors import SingleThreadedExecutor
-
-    context, stopped = Context(), threading.Event()
-    rclpy.init(context=context, args=[])
-    executor = SingleThreadedExecutor(context=context)
-    node = rclpy.create_node(f"depth_pose_{name}", context=context, start_parameter_services=False)
-    executor.add_node(node)
-
-    def turns(seconds: float) -> Iterator[None]:
-        while not stopped.is_set():
-            until = time.monotonic() + seconds
-            while time.monotonic() < until and not stopped.is_set():
-                executor.spin_once(timeout_sec=_TICK_S)
-            if not stopped.is_set():
-                yield
-
-    try:
-        with on_stop(stopped.set):
-            yield node, turns
-    finally:
-        executor.shutdown()
-        rclpy.try_shutdown(context=context)
