@@ -34,6 +34,7 @@ COMMANDS = [
     *(("accuracy.py", part) for part in ("table1", "ablation", "confidence", "builds", "deviations")),
     ("finder.py",),
     *(("homes.py", part) for part in ("views", "cameras")),
+    ("public.py",),
     ("faults.py",),
     ("drivers.py",),
     ("archives.py",),
