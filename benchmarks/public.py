@@ -1,14 +1,14 @@
 """Score the tracker on public data sets, from their files as they are published.
 
-    python benchmarks/public.py utd-mhad DIR          # UTD-MHAD: Kinect v1, 27 actions; Depth/ and Skeleton/
+    python benchmarks/public.py utd-mhad DIR          # UTD-MHAD: Kinect v1; Depth/ and Skeleton/
     python benchmarks/public.py itop DIR [--view side|top]    # ITOP: single frames; needs h5py
     python benchmarks/public.py msr-action3d DIR      # MSR Action3D: Kinect v1; .bin and .txt
     python benchmarks/public.py eval DIR              # EVAL: Kinect v1 with markers; seq_*.bin
     python benchmarks/public.py smmc DIR              # SMMC-10: recordings and .npz, converted by yourself
 
-Nothing is tuned to them. Where the reference is another tracker (utd-mhad, msr-action3d) or markers (eval, smmc),
-the constant offset of each joint or marker is removed, since it is a matter of definition. ``--clips N`` takes
-N clips, evenly spread; ``--frames N`` at most N frames of each.
+Nothing is tuned to them. Where the reference is another tracker (utd-mhad, msr-action3d) or markers (eval,
+smmc), the constant offset of each joint or marker is removed, since it is a matter of definition.
+``--clips N`` takes N clips, evenly spread; ``--frames N`` at most N frames of each.
 """
 
 from __future__ import annotations

@@ -1,24 +1,25 @@
 """Readers of public data sets, each a function of its folder that returns the clips, read when they are used.
 
-UTD-MHAD (C. Chen et al., ICIP 2015). ``Depth/aA_sS_tT_depth.mat`` holds ``d_depth`` (240, 320, T), millimetres
-of a Kinect v1; ``Skeleton/aA_sS_tT_skeleton.mat`` holds ``d_skel`` (20, 3, T), metres in the Kinect SDK's
-axes. The tracker's joints are two frames late against the images.
+UTD-MHAD (C. Chen et al., ICIP 2015). ``Depth/aA_sS_tT_depth.mat`` holds ``d_depth`` (240, 320, T),
+millimetres of a Kinect v1; ``Skeleton/aA_sS_tT_skeleton.mat`` holds ``d_skel`` (20, 3, T), metres in the
+Kinect SDK's axes. The tracker's joints are two frames late against the images.
 
-MSR Action3D (W. Li et al., CVPR workshops 2010). ``aA_sS_eE_sdepth.bin``: three int32, the numbers of frames,
-columns and rows, then int32 depth, row by row; its unit is not published, and is found from the skeletons.
-``aA_sS_eE_skeleton3D.txt``: 20 lines ``x y z confidence`` a frame, metres.
+MSR Action3D (W. Li et al., CVPR workshops 2010). ``aA_sS_eE_sdepth.bin``: three int32, the numbers of
+frames, columns and rows, then int32 depth, row by row; its unit is not published, and is found from the
+skeletons. ``aA_sS_eE_skeleton3D.txt``: 20 lines ``x y z confidence`` a frame, metres.
 
 ITOP (A. Haque et al., ECCV 2016). ``ITOP_VIEW_test_depth_map.h5``: ``data`` (N, 240, 320) float16, metres;
-``ITOP_VIEW_test_labels.h5``: ``is_valid`` (N,), ``visible_joints`` (N, 15), ``image_coordinates`` (N, 15, 2) and
-``real_world_coordinates`` (N, 15, 3), metres. A pixel is .0035 of its distance wide.
+``ITOP_VIEW_test_labels.h5``: ``is_valid`` (N,), ``visible_joints`` (N, 15), ``image_coordinates`` (N, 15,
+2) and ``real_world_coordinates`` (N, 15, 3), metres. A pixel is .0035 of its distance wide.
 
-EVAL (V. Ganapathi et al., ECCV 2012). ``seq_*.bin``, frames of 930,704 bytes, little endian: int32 magic, int32
-number, float32 (240, 320, 3) points in metres (x right, y up, z to the viewer), int32 number of markers, 32
-times a name of 256 bytes and float32 (3,), int32 number of joints, 32 times an int32 and float32 (3,). The
-numbers of the joints are nowhere explained, so the markers are used.
+EVAL (V. Ganapathi et al., ECCV 2012). ``seq_*.bin``, frames of 930,704 bytes, little endian: int32 magic,
+int32 number, float32 (240, 320, 3) points in metres (x right, y up, z to the viewer), int32 number of
+markers, 32 times a name of 256 bytes and float32 (3,), int32 number of joints, 32 times an int32 and
+float32 (3,). The numbers of the joints are nowhere explained, so the markers are used.
 
-SMMC-10 (V. Ganapathi et al., CVPR 2010). No description of its files could be found: convert each sequence to
-a recording ``NAME.mcap`` and a truth file ``NAME.npz`` (as of ``depth-pose eval``) with the markers' names.
+SMMC-10 (V. Ganapathi et al., CVPR 2010). No description of its files could be found: convert each sequence
+to a recording ``NAME.mcap`` and a truth file ``NAME.npz`` (as of ``depth-pose eval``) with the markers'
+names.
 """
 
 from __future__ import annotations
@@ -145,7 +146,7 @@ def _load_msr(path: Path, skeleton: Path) -> Loaded:
 
 
 def _kinect(depth: Depth, joints: Points, names: tuple[str, ...]) -> Loaded:
-    """Turn the Kinect SDK's axes (x to the sensor's left, y up) and its mirrored images to an optical frame."""
+    """Convert the Kinect SDK's axes (x to the left, y up) and mirrored images to an optical frame."""
     count = min(len(depth), len(joints))
     depth, joints = depth[:count], joints[:count] * (-1.0, -1.0, 1.0)
     rows, columns = depth.shape[1:]

@@ -7,13 +7,13 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from parts.public_readers import FPS, Clip, Loaded
 
 from depth_pose import Tracker
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.evaluate.score import torso_axes
+from parts.public_readers import FPS, Clip, Loaded
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ PUBLISHED: dict[str, list[tuple[str, str, str]]] = {
 
 @dataclass(frozen=True)
 class ClipErrors:
-    """Errors of one clip (T, J), metres; infinite where a joint is known and was not answered, NaN where unknown.
+    """Errors of one clip (T, J), metres; infinite where nobody answered, NaN where the joint is unknown.
 
     Attributes
     ----------

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import typer
 from rich.markup import escape
 
+from depth_pose.core.errors import ConfigError
 from depth_pose.core.options import options
 from depth_pose.core.printable import printable, printable_lines
 from depth_pose.core.progress import SafeConsole, archive_bar, errors, loading, progress_bar
