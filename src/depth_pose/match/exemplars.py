@@ -27,6 +27,7 @@ from depth_pose.match.placing import (
     place_exemplars,
 )
 from depth_pose.match.proposed_exemplars import ProposedExemplars
+from depth_pose.match.scale import SCALES
 from depth_pose.match.search import SubspaceSearch
 from depth_pose.match.tuning import MatchTuning
 from depth_pose.match.upright_exemplars import UprightExemplars, head_axes
@@ -60,60 +61,50 @@ class ExemplarSource:
         self._upright = UprightExemplars(bank)
         self._proposed = ProposedExemplars(bank)
 
-    def measured_size(self, person: PersonView) -> float | None:
-        """Estimate a person's size from the measured joints; None without."""
-        return self._proposed.size(person.measured)
+    def find(self, person: PersonView, scale: float | None) -> tuple[float, Placed]:
+        """Return the size whose exemplars agree best, and those, ranked.
 
-    def find(self, person: PersonView, scale: float) -> Placed:
-        """Return the exemplars that agree best at a size, ranked."""
-        return self.compare_finely(person, scale, self.compare_roughly(person, scale, self.tuning.shortlist))
+        Parameters
+        ----------
+        person : PersonView
+        scale : float or None
+            Size of the body, relative to the bank's. Unknown, a few are tried, with fewer exemplars at each:
+            near that of the measured joints, or over the whole range.
+        """
+        count = self.tuning.shortlist
+        if scale is None:
+            scales, count = _first_sizes(self._proposed.size(person.measured)), max(4, count // 4)
+        else:
+            scales = [scale]
+        coarse, fine = person.thinned(_ROUGH_M), person.thinned(_FINE_M)
+        shortlists = [(s, self._shortlist(person, s, count)) for s in scales]
+        tried = [(s, self._renderer.compare(placed, s, coarse)) for s, placed in shortlists]
+        scale, rough = min(tried, key=lambda t: float(t[1].scores.min()))
+        there = rough.take(rough.ranking()[:_FINALISTS])
+        # a correction from few pixels is only tried
+        best = better(*(self._renderer.compare(p, scale, fine) for p in (there, there.moved())))
+        return scale, best.take(best.ranking())
 
     def pose(self, placed: Placed, row: int, scale: float) -> BodyPose:
         """Return the pose of one placed exemplar in the camera frame."""
         rotations = placed.rotations[row] @ self.bank.rotations(int(placed.exemplars[row]))
         return BodyPose(rotations, placed.translations[row], scale)
 
-    def compare_roughly(self, person: PersonView, scale: float, shortlist: int) -> Placed:
-        """Search at one size, by joints or with each of the input's axes, and compare all results coarsely.
-
-        Parameters
-        ----------
-        person : PersonView
-        scale : float
-            Size of the body, relative to the bank's.
-        shortlist : int
-            Maximum number of results of the search with axes.
-
-        Returns
-        -------
-        Placed
-            Not ranked.
-        """
-        placed = self._proposed.find(person.measured, scale)
-        if placed is None:
-            placed = self._find_by_cloud(person, scale, shortlist)
-        return self._renderer.compare(placed, scale, person.thinned(_ROUGH_M))
-
-    def _find_by_cloud(self, person: PersonView, scale: float, shortlist: int) -> Placed:
-        """Return the exemplars whose view is nearest to the input's in the subspace, placed."""
-        axes, parts = AXES[self.bank.view_scheme](person.points), []
-        share = max(1, shortlist // len(axes))
+    def _shortlist(self, person: PersonView, scale: float, count: int) -> Placed:
+        """Return the exemplars nearest to the measured joints, or to the cloud in the subspace, placed."""
+        if (proposed := self._proposed.find(person.measured, scale)) is not None:
+            return proposed
+        points, upright = person.points, self._upright
+        axes = AXES[self.bank.view_scheme](points)
+        found = []
         for a in axes:
-            descriptor = describe(person.points, a, scale).astype(np.float32)
-            nearest = self._search.find(self.bank.components @ (descriptor - self.bank.mean), share)
-            parts.append(place_exemplars(self._views, nearest, a, scale))
+            descriptor = self.bank.components @ (
+                describe(points, a, scale).astype(np.float32) - self.bank.mean
+            )
+            found.append((self._views, self._search.find(descriptor, max(1, count // len(axes))), a))
         if person.is_cut_below:
-            hung, upright = head_axes(person.points, scale), self._upright
-            parts.append(place_exemplars(upright.views, upright.all, hung, scale))
-        return join(parts)
-
-    def compare_finely(self, person: PersonView, scale: float, rough: Placed) -> Placed:
-        """Compare the best of the shortlist in a finer image, and sort them by score."""
-        image = person.thinned(_FINE_M)
-        there = rough.take(rough.ranking()[:_FINALISTS])
-        # a correction from few pixels is only tried
-        best = better(*(self._renderer.compare(p, scale, image) for p in (there, there.moved())))
-        return best.take(best.ranking())
+            found.append((upright.views, upright.all, head_axes(points, scale)))
+        return join([place_exemplars(*one, scale) for one in found])
 
     def keep_different(self, placed: Placed) -> tuple[Candidate, ...]:
         """Return the best few candidates with different poses."""
@@ -128,3 +119,12 @@ class ExemplarSource:
             )
             for k in keep_different(placed.nodes, _SAME_POSE_M, self.tuning.keep)
         )
+
+
+def _first_sizes(measured: float | None) -> list[float]:
+    """Return the sizes that are compared first."""
+    sizes = SCALES[1::3]
+    if measured is None:
+        return sizes.tolist()
+    nearest = int(np.argmin(np.abs(np.log(sizes / measured))))
+    return sizes[max(0, nearest - 1) : nearest + 2].tolist()

@@ -7,18 +7,16 @@ refinement.
 
 from __future__ import annotations
 
-import numpy as np
-
 from depth_pose.bank.bank import Bank
 from depth_pose.core.odds import logistic
 from depth_pose.core.types import PoseMatch
 from depth_pose.match import turns
 from depth_pose.match.exemplars import ExemplarSource
-from depth_pose.match.scale import SCALES, SizeFinder, Trial
+from depth_pose.match.scale import SizeFinder, Trial
 from depth_pose.match.tuning import MatchTuning
 from depth_pose.track.person_view import FramePeople, PersonView
 from depth_pose.track.sample_people import sample_people
-from depth_pose.track.state import PersonState, PersonStates, SizeSearch
+from depth_pose.track.state import PersonState, PersonStates
 from depth_pose.track.time_budget import TimeBudget
 
 _EVEN_SCORE, _SCORE_SPREAD = 0.56, 0.057
@@ -101,38 +99,16 @@ class Matcher:
 
     def estimate(self, state: PersonState, person: PersonView) -> tuple[PersonState, PoseMatch]:
         """Find the exemplars nearest to one person, by a new search or carried along."""
-        every, sizes = self.tuning.search_every, self._sizes
-        search = sizes.watch(state.shape.search, person)
+        every, sizes, source = self.tuning.search_every, self._sizes, self.exemplars
+        schedule, search = state.schedule, sizes.watch(state.shape.search, person)
+        match = None
         if sizes.is_known(search):
-            schedule, is_due = turns.count_frame(state.schedule, person, every)
-            state = state._replace(schedule=schedule, shape=state.shape._replace(search=search))
-            if not is_due:
-                return state, turns.carried(schedule, person, sizes.scale(search))
-        is_new = search.frames == 0
-        if not sizes.is_begun(search):
-            search = self._begin_size(search, person)
-        scale = sizes.scale(search)
-        placed = self.exemplars.find(person, scale)
-        if not is_new and not sizes.is_known(search):
-            search = sizes.add(search, person, self.exemplars.pose(placed, 0, scale))
-        match = PoseMatch(person.body_id, self.bank.bank_id, scale, self.exemplars.keep_different(placed))
-        schedule = turns.keep(state.schedule, person, match, every)
+            schedule, match = turns.carry(schedule, person, sizes.scale(search), every)
+        if match is None:
+            scale, placed = source.find(person, sizes.so_far(search))
+            if not sizes.is_known(search):
+                search = sizes.add(search, person, source.pose(placed, 0, scale))
+            found = source.keep_different(placed)
+            match = PoseMatch(person.body_id, self.bank.bank_id, sizes.scale(search), found)
+            schedule = turns.keep(schedule, person, match, every)
         return state._replace(schedule=schedule, shape=state.shape._replace(search=search)), match
-
-    def _begin_size(self, search: SizeSearch, person: PersonView) -> SizeSearch:
-        """Compare sizes in a person's first frame, by the exemplars that match best at a few of them."""
-        few, source = max(4, self.tuning.shortlist // 4), self.exemplars
-        sizes = _first_sizes(source.measured_size(person))
-        tried = [(s, source.compare_roughly(person, s, few)) for s in sizes]
-        scale, rough = min(tried, key=lambda t: float(t[1].scores.min()))
-        placed = source.compare_finely(person, scale, rough)
-        return self._sizes.add(search, person, source.pose(placed, 0, scale))
-
-
-def _first_sizes(measured: float | None) -> list[float]:
-    """Return the sizes that are compared first: near the measured one, or over the whole range."""
-    sizes = SCALES[1::3]
-    if measured is None:
-        return sizes.tolist()
-    nearest = int(np.argmin(np.abs(np.log(sizes / measured))))
-    return sizes[max(0, nearest - 1) : nearest + 2].tolist()

@@ -32,7 +32,6 @@ _RARITY = _RARE * np.maximum(np.log(SCALES), 0.0) ** 2
 _MOST_STEPS = 5
 """Maximum number of 4 % steps from the first guess, which bounds the time of the first frame."""
 
-
 _MORE = 1.2
 """Factor by which more of a cut-off person must be visible before the size is estimated again."""
 
@@ -67,9 +66,9 @@ class SizeFinder:
         """Check that the size is configured, or estimated and held."""
         return self._given > 0.0 or search.frames >= self._frames
 
-    def is_begun(self, search: SizeSearch) -> bool:
-        """Check that the size is configured, or that a first frame was compared."""
-        return self._given > 0.0 or search.frames > 0
+    def so_far(self, search: SizeSearch) -> float | None:
+        """Return the current estimate; None before a person's first frame."""
+        return self.scale(search) if self._given > 0.0 or search.frames > 0 else None
 
     def scale(self, search: SizeSearch) -> float:
         """Return the configured size, or the one with the least score, by a parabola near the minimum."""

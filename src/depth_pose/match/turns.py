@@ -10,48 +10,38 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from depth_pose.core.stamps import MAX_REUSE_NS
 from depth_pose.core.types import PoseMatch
 from depth_pose.track.person_view import PersonView
 from depth_pose.track.state import Schedule
 
 
-def count_frame(schedule: Schedule, person: PersonView, every: int) -> tuple[Schedule, bool]:
-    """Count a frame of a person; return the new schedule, and whether a search is due.
+def carry(
+    schedule: Schedule, person: PersonView, scale: float, every: int
+) -> tuple[Schedule, PoseMatch | None]:
+    """Count a frame of a person; return the last match moved along, None where a search is due.
 
     Parameters
     ----------
     schedule : Schedule
     person : PersonView
+    scale : float
+        Current estimate of the size.
     every : int
         Frames from one search to the next.
     """
     if schedule.match is None:
-        return schedule, True
+        return schedule, None
     age = schedule.match_age + 1
-    is_due = age >= every or person.stamp_ns - schedule.match_ns > MAX_REUSE_NS
-    return schedule._replace(match_age=0 if is_due else age), is_due
-
-
-def carried(schedule: Schedule, person: PersonView, scale: float) -> PoseMatch:
-    """Return the last match, moved with the person, at the current estimate of the size."""
-    assert schedule.match is not None, "without a match a search is due"
-    shift = _centre(person) - schedule.match_centre
+    if age >= every or person.stamp_ns - schedule.match_ns > MAX_REUSE_NS:
+        return schedule._replace(match_age=0), None
+    shift = person.centre - schedule.match_centre
     candidates = (replace(c, translation=c.translation + shift) for c in schedule.match.candidates)
-    return replace(schedule.match, scale=scale, candidates=tuple(candidates))
+    moved = replace(schedule.match, scale=scale, candidates=tuple(candidates))
+    return schedule._replace(match_age=age), moved
 
 
 def keep(schedule: Schedule, person: PersonView, match: PoseMatch, every: int) -> Schedule:
     """Return the schedule with the result of a search."""
     age = sum(person.body_id.encode()) % every if schedule.match is None else schedule.match_age
-    return schedule._replace(
-        match=match, match_age=age, match_ns=person.stamp_ns, match_centre=_centre(person)
-    )
-
-
-def _centre(person: PersonView) -> NDArray[np.float64]:
-    """Compute the mean (3,) of a person's points, metres."""
-    return np.asarray(person.points.mean(axis=0))
+    return schedule._replace(match=match, match_age=age, match_ns=person.stamp_ns, match_centre=person.centre)

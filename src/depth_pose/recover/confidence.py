@@ -118,6 +118,10 @@ _OTHER_END = np.array(
     ]
 )
 """Joint at the other end of each joint's bone, by `_TOWARD`, (19,)."""
+_SHARES = np.arange(6) / 6
+"""Points that are looked at along a segment, as shares of its length; the first is the joint."""
+_BELOW_ALONG = _BELOW[:, None] + _SHARES * (_BELOW[_OTHER_END] - _BELOW)[:, None]
+"""Depths of those points below the skin, (19, 6), metres on the 1.75 m body."""
 _KIND_ODDS = np.array([KINDS[kind] for kind in _KIND])
 _SIGN_ODDS = np.array(list(SIGNS.values()))
 
@@ -206,17 +210,20 @@ def measure_joint_signs(positions: NDArray[np.float64], scale: float, person: Pe
         lies nearer, or where nothing is known; OUTSIDE_IMAGE beyond the image's border.
     """
     states, signs = np.empty(len(JOINTS), np.uint8), np.empty((len(JOINTS), len(SIGNS)))
+    signs[:, -2:] = _proposal_signs(positions, person.measured)
+    along = positions[:, None] + _SHARES[:, None] * (positions[_OTHER_END] - positions)[:, None]
+    pixels, expected = person.camera.project(along), along[..., 2] - scale * _BELOW_ALONG
     kernels.measure_joint_signs(
-        positions,
+        pixels,
+        positions[:, 2],
+        expected,
         _OTHER_END,
-        scale * _BELOW,
         _HIDDEN_BEHIND,
         person.camera,
         person.full,
         states,
         signs,
     )
-    signs[:, -2:] = _proposal_signs(positions, person.measured)
     return JointSigns(states, signs)
 
 

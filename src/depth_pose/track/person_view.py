@@ -85,6 +85,11 @@ class PersonView:
         """Body id of the track."""
         return self.found.body_id
 
+    @cached_property
+    def centre(self) -> NDArray[np.float64]:
+        """Mean (3,) of the points, metres."""
+        return np.asarray(self.points.mean(axis=0))
+
     @property
     def measured(self) -> JointMeasurement | None:
         """The person's joints, as the joint net measured them; None without."""
