@@ -1,4 +1,7 @@
-"""Kernel that pushes limbs out of the body, pose by pose."""
+"""Kernel that pushes limbs out of the body, pose by pose.
+
+Values are set by hand; ranges are drawn from at random.
+"""
 
 from __future__ import annotations
 
@@ -42,10 +45,9 @@ _TOUCH = 1e-4
 _SLACK = 0.001
 """Clearance between limbs after separation (m)."""
 _OVERLAP = 0.012
-"""Maximum overlap of the two arms (m). Set by hand."""
+"""Maximum overlap of the two arms (m)."""
 _FAR_INSIDE = 0.08
-"""Penetration (m) above which an arm is moved to its own side instead of the shortest way out. Set by
-hand."""
+"""Penetration (m) above which an arm is moved to its own side instead of the shortest way out."""
 
 
 @njit(cache=True)

@@ -4,6 +4,8 @@ The body is a set of capsules around the skeleton's bones (half-breadths rounded
 *Man-Systems Integration Standards*, section 3.3.1, 50th percentile). Arms that enter the trunk, the
 head, a leg or each other are turned about their shoulder until they do not; legs that enter
 each other are turned about the hip.
+
+Values are set by hand; ranges are drawn from at random.
 """
 
 from __future__ import annotations
@@ -56,9 +58,9 @@ _KNEECAP_M = 0.06
 _SEAT_M = (-0.10, -0.06)
 """Seat below and behind the pelvis' joint, metres."""
 _SOFTNESS_M = 0.008
-"""Points within about this height (m) of the lowest one share the ground contact. Set by hand."""
+"""Points within about this height (m) of the lowest one share the ground contact."""
 _IN_THE_AIR_M = 0.02
-"""Height of the lowest point (m) above which there is no ground contact. Set by hand."""
+"""Height of the lowest point (m) above which there is no ground contact."""
 
 
 def _support_points() -> tuple[tuple[int, ...], Array]:

@@ -1,4 +1,7 @@
-"""Folders of recorded motion: every file is read, retargeted and reported."""
+"""Folders of recorded motion: every file is read, retargeted and reported.
+
+Values are set by hand; ranges are drawn from at random.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,7 @@ SUFFIXES = (".bvh", ".amc")
 """Kinds of files that are read; an .amc needs its .asf beside it."""
 
 _MOST_FPS = 30.0
-"""Faster recordings are thinned to at most this rate. Set by hand."""
+"""Faster recordings are thinned to at most this rate."""
 
 _TOO_FAR_DEG = 45.0
 """Maximum violation of a joint limit (degrees); frames beyond it are dropped. Set by hand; not swept."""

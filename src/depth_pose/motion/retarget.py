@@ -4,6 +4,8 @@ Every limb segment takes the direction of the recorded one, so that hands and fe
 to the bone lengths, which stay the body's own. The twist of a limb comes from the plane of the bent elbow or
 knee, else from the recorded rotation. Trunk, head, clavicles and feet take the recorded rotations, against a
 rest pose that stands upright.
+
+Limits are set by hand.
 """
 
 from __future__ import annotations
@@ -31,10 +33,9 @@ _BENT_DEG = (12.0, 35.0)
 """Flexions (degrees) between which the weight of the hinge's plane rises from 0 to 1. Set by hand; not
 swept."""
 _STRAIGHT_DEG = (170.0, 178.0)
-"""Flexions (degrees) between which the weight of a folded limb's plane falls from 1 to 0. Set by hand."""
+"""Flexions (degrees) between which the weight of a folded limb's plane falls from 1 to 0."""
 _BACKWARD_DEG = 110.0
-"""Maximum twist to the hinge's plane (degrees): more is noise of a straight limb or a loose marker. Set by
-hand."""
+"""Maximum twist to the hinge's plane (degrees): more is noise of a straight limb or a loose marker."""
 _SPINE_PART = (0.324, 0.824)
 """Interval of our spine segment between the pelvis (0) and the height of the shoulders (1) (`rest_nodes`)."""
 _NECK_PART = (0.63, 1.0)
@@ -42,16 +43,15 @@ _NECK_PART = (0.63, 1.0)
 _LEG_M = 0.83
 """Distance from hip to ankle of an adult (m), from which a file's unit is inferred."""
 _SNAP_DEG = 35.0
-"""Maximum angle (degrees) at which an axis of a rest pose snaps to a coordinate axis. Set by hand."""
+"""Maximum angle (degrees) at which an axis of a rest pose snaps to a coordinate axis."""
 _SHORTEST_LIMB = 0.2
-"""Minimum ratio of the shortest to the longest part of a limb in a human skeleton. Set by hand."""
+"""Minimum ratio of the shortest to the longest part of a limb in a human skeleton."""
 _LEAST_UPRIGHT = 0.2
-"""Minimum median vertical component of the trunk's direction; below it, a motion is never upright. Set by
-hand."""
+"""Minimum median vertical component of the trunk's direction; below it, a motion is never upright."""
 _FLAT_DEG = 30.0
-"""Maximum angle (degrees) between two rest poses' feet if both stand flat. Set by hand."""
+"""Maximum angle (degrees) between two rest poses' feet if both stand flat."""
 _NO_LIFT_M = 0.03
-"""Maximum height (m) of a standing foot above its lowest 5 %: the markers' noise. Set by hand."""
+"""Maximum height (m) of a standing foot above its lowest 5 %: the markers' noise."""
 _UNITS = {"metres": 1.0, "centimetres": 0.01, "inches": 0.0254, "millimetres": 0.001}
 """Metres in each unit that a file may be in."""
 

@@ -2,6 +2,8 @@
 
 Thickness is drawn per region and varied smoothly over the surface; folds are shorter waves. Cloth
 on the underside of a limb hangs further off it. Hands and face stay bare.
+
+Values are set by hand; ranges are drawn from at random.
 """
 
 from __future__ import annotations
@@ -73,9 +75,9 @@ def surface_of(body: Body) -> Surface:
 
 
 _BELLY = (np.array([0.0, 1.02, 0.13]), 0.11)
-"""Middle and width of the belly's bump on the 1.75 m body, metres. Set by hand."""
+"""Middle and width of the belly's bump on the 1.75 m body, metres."""
 _CHEST = (np.array([0.085, 1.27, 0.11]), 0.055)
-"""The same for the left side of a chest; the right one is its mirror image. Set by hand."""
+"""The same for the left side of a chest; the right one is its mirror image."""
 
 
 def _bump(points: Array, centre: Array, width: float) -> Array:

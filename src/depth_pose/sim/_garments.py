@@ -3,6 +3,8 @@
 They are shaped from the posed body directly, without simulating cloth: a skirt's rows are ellipses
 across both legs, a cloak is the body's silhouette around a vertical axis, hanging from the last point
 of contact.
+
+Values are set by hand; ranges are drawn from at random.
 """
 
 from __future__ import annotations
@@ -19,9 +21,9 @@ from depth_pose.sim._meshes import Piece, loft
 Array = NDArray[np.float64]
 
 _SKIRT_COLUMNS, _SKIRT_ROWS = 28, 9
-"""Points of a skirt around and down. Set by hand."""
+"""Points of a skirt around and down."""
 _CLOAK_COLUMNS, _CLOAK_ROW_M = 28, 0.06
-"""Points of a cloak around, and the height of its rows, metres on the 1.75 m body. Set by hand."""
+"""Points of a cloak around, and the height of its rows, metres on the 1.75 m body."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,7 @@
-"""People who are placed in a room's view: standing, seated, lying, beside and behind each other."""
+"""People who are placed in a room's view: standing, seated, lying, beside and behind each other.
+
+Values are set by hand; ranges are drawn from at random.
+"""
 
 from __future__ import annotations
 
@@ -19,13 +22,13 @@ Spot = tuple[float, float, float]
 """x and z of a place on the floor, and a turn about the vertical, radians."""
 
 _NEAR_SHARE, _NEAR_M, _MIDDLE_M, _FAR_M = 1 / 3, 0.6, 2.2, 6.0
-"""Share of people who are near; ranges of near and of far people, metres. Set by hand."""
+"""Share of people who are near; ranges of near and of far people, metres."""
 _AT_TABLE_SHARE = 0.6
-"""Share of people seated on chairs who join an occupied table. Set by hand."""
+"""Share of people seated on chairs who join an occupied table."""
 _CLEAR_ABOVE_M = 0.3
-"""Minimum distance of heads below an overhead camera, metres. Set by hand."""
+"""Minimum distance of heads below an overhead camera, metres."""
 _TRIES = 12
-"""Number of spots tried for each person. Set by hand."""
+"""Number of spots tried for each person."""
 
 
 @dataclass(frozen=True)

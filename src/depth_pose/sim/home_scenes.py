@@ -4,6 +4,8 @@ The scenes of `depth_pose.sim.scenes` with the contents of homes: materials that
 (`depth_pose.sim.materials`), 15 to 40 pieces of furniture with pets among them (`depth_pose.sim.homes`)
 people behind cloth, boards, tables and counters, who sit, lie, bend and kneel more often, in coats or skirts;
 cameras on robots and shelves too; active and passive stereo (`depth_pose.sim.home_sensors`).
+
+Values are set by hand; ranges are drawn from at random.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ HOME_MOUNTINGS = {
     "common": 0.36, "robot": 0.2, "shelf": 0.18, "ceiling": 0.14, "low": 0.06, "rolled": 0.06,
 }  # fmt: skip
 """Shares of mountings at home: those of `depth_pose.sim.scenes.MOUNTINGS`, on robots (0.3 to 1.2 m) and on
-shelves. Set by hand."""
+shelves."""
 
 UPRIGHT_MOUNTINGS = ("common", "robot", "robot", "shelf")
 """Mountings of cameras in recordings of homes, in which people walk about."""
@@ -39,22 +41,22 @@ HOME_POSTURES = {
     "stand": 0.2, "walk": 0.13, "sit": 0.28, "lie": 0.12, "bend": 0.08,
     "reach": 0.05, "kneel": 0.06, "squat": 0.04, "crawl": 0.02, "lean": 0.02,
 }  # fmt: skip
-"""Frequency of each posture at home. Set by hand."""
+"""Frequency of each posture at home."""
 
 _PEOPLE_SHARES = (0.2, 0.38, 0.22, 0.1, 0.05, 0.03, 0.02)
-"""Shares of homes with zero to six people. Set by hand."""
+"""Shares of homes with zero to six people."""
 WRAPPED = 2.5
-"""Factor on the shares of people in coats, skirts and cloaks and with bags. Set by hand."""
+"""Factor on the shares of people in coats, skirts and cloaks and with bags."""
 CHILDREN, CHILD_M = 0.12, 1.3
 """Share of people who are always small children, and their maximum stature (m)."""
 HOLDING = 0.12
-"""Share of standing people who hold a cloth or board up before themselves. Set by hand."""
+"""Share of standing people who hold a cloth or board up before themselves."""
 _DARK_SEATS = 0.3
-"""Share of seats and beds that return little light. Set by hand."""
+"""Share of seats and beds that return little light."""
 _LOOKALIKES = 0.2
-"""Share of homes with clothes on hooks and in heaps. Set by hand."""
+"""Share of homes with clothes on hooks and in heaps."""
 _WIDE = 0.6
-"""Share of passive stereo cameras with a wide image. Set by hand."""
+"""Share of passive stereo cameras with a wide image."""
 
 
 class Home(NamedTuple):

@@ -2,6 +2,8 @@
 
 Rooms are those of `depth_pose.sim.rooms`; what `furnish_home` puts into them is what a finder of people meets
 at home: prams, boxes on trolleys, coat stands with hats, laundry, televisions, dark sofas and carpets.
+
+Values are set by hand; ranges are drawn from at random.
 """
 
 from __future__ import annotations
@@ -57,7 +59,7 @@ HOME_STANDING: tuple[tuple[Maker, float], ...] = (
     (make_lamp, 1.0),
     (make_sofa, 2.0),
 )
-"""Functions that make free-standing objects of homes, and their frequencies. Set by hand."""
+"""Functions that make free-standing objects of homes, and their frequencies."""
 
 HOME_AT_WALLS: tuple[tuple[Maker, float], ...] = (
     *((make, share) for make, share in AT_WALLS),
@@ -68,7 +70,7 @@ HOME_AT_WALLS: tuple[tuple[Maker, float], ...] = (
     (make_plant, 0.8),
     (make_tower, 0.6),
 )
-"""Functions that make objects along the walls of homes, and their frequencies. Set by hand."""
+"""Functions that make objects along the walls of homes, and their frequencies."""
 
 HIDING: tuple[tuple[Maker, float], ...] = (
     (make_table, 2.0),
@@ -87,20 +89,20 @@ HIDING: tuple[tuple[Maker, float], ...] = (
     (make_clothes_horse, 0.7),
     (make_walking_pet, 0.5),
 )
-"""Functions that make what stands before people, and their frequencies. Set by hand."""
+"""Functions that make what stands before people, and their frequencies."""
 
 _PIECES = (15, 41)
 """Number of pieces that are tried: minimum, and exclusive maximum."""
 _DARK_SHARE = 0.18
-"""Share of pieces that return little light. Set by hand."""
+"""Share of pieces that return little light."""
 _BEFORE_SHARE = 0.45
-"""Share of people with an object in front of them. Set by hand."""
+"""Share of people with an object in front of them."""
 _TRIES = 5
-"""Number of spots tried for each object. Set by hand."""
+"""Number of spots tried for each object."""
 _CLEAR_M, _CLOSE = 1.6, 0.06
-"""Most objects are at least this far ahead (m); the share of the others. Set by hand."""
+"""Most objects are at least this far ahead (m); the share of the others."""
 _RUGS = 0.5
-"""Share of homes with a rug. Set by hand."""
+"""Share of homes with a rug."""
 
 
 def furnish_home(

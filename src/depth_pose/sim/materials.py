@@ -33,7 +33,7 @@ WORN: dict[str, dict[str, float]] = {
     "trousers": {"cloth": 0.4, "dark cloth": 0.13, "denim": 0.2, "black cloth": 0.2, "leather": 0.07},
     "shoes": {"cloth": 0.5, "black cloth": 0.2, "leather": 0.3},
 }
-"""Shares of the materials of each part of what people wear. Set by hand."""
+"""Shares of the materials of each part of what people wear."""
 
 SWALLOWING = 0.012
 """Reflectance below which a surface returns little or nothing at 2 m."""

@@ -2,6 +2,8 @@
 
 A figure is a static mesh with its joints. Everything is drawn from one generator, from tables of
 everyday postures and from the embedded body; nothing comes from recordings.
+
+Values are set by hand; ranges are drawn from at random.
 """
 
 from __future__ import annotations
@@ -40,7 +42,7 @@ NOISE_DEG = 3.0
 """Spread of that variation in arms, neck and head; legs and trunk vary half as much."""
 
 LOOSE_NOISE_DEG, FREE_ARM_SHARE = 9.0, 0.4
-"""The same spread for loose postures, and the share of their arms that point anywhere. Set by hand."""
+"""The same spread for loose postures, and the share of their arms that point anywhere."""
 
 HANDS_M = {
     "frame": ((0.08, -0.44, 0.30), (0.08, -0.44, 0.30)),
@@ -48,7 +50,7 @@ HANDS_M = {
     "child": ((-0.10, -0.30, 0.26), (-0.06, -0.14, 0.26)),
 }
 """Wrists relative to the shoulders of people with a walking frame, crutches or a child: away from the trunk,
-up and forward, metres on the 1.75 m body; the left hand, the right hand. Set by hand."""
+up and forward, metres on the 1.75 m body; the left hand, the right hand."""
 
 HOLDS_M = {
     "cloth": ((0.10, -0.06, 0.42), (0.10, -0.06, 0.42)),
@@ -57,7 +59,7 @@ HOLDS_M = {
 """The same for people who hold up a cloth or a board in front of them; only on request."""
 
 AIDED = {"stand": 0.16, "walk": 0.16}
-"""Share of each posture with a walking aid or a child (`HANDS_M`). Set by hand."""
+"""Share of each posture with a walking aid or a child (`HANDS_M`)."""
 
 ADULT_M = 1.45
 """Minimum stature of people who carry children, metres."""

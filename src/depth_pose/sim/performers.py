@@ -3,6 +3,8 @@
 A performer plays acts one after the other: walk to a spot, stand about with some motion of the embedded
 motion source, sit down. Transitions rotate every segment evenly, and the path on
 the floor follows from the poses: the lower ankle stays in place, as a foot that carries weight does.
+
+Values are set by hand; ranges are drawn from at random.
 """
 
 from __future__ import annotations
@@ -31,12 +33,12 @@ Array = NDArray[np.float64]
 _STANDING = ("stand_casual", "stand_gesture", "reach_around", "hold_things", "wave", "crossed_arms")
 _WALKING = ("walk", "walk", "walk_gesture")
 _CLIP_S = 4.0
-"""Length of a motion before it begins again, seconds. Set by hand."""
+"""Length of a motion before it begins again, seconds."""
 _TURN_RATE = 2.2  # radians a second, for walking around a corner
 _THERE_M = 0.25
-"""Distance from the goal at which a walk ends, metres. Set by hand."""
+"""Distance from the goal at which a walk ends, metres."""
 _BLEND_S, _SIT_DOWN_S = 0.35, 1.2
-"""Duration of the transition between motions, and of sitting down or rising (s). Set by hand."""
+"""Duration of the transition between motions, and of sitting down or rising (s)."""
 _ANKLES = [NODE_INDEX["left_ankle"], NODE_INDEX["right_ankle"]]
 _PELVIS = NODE_INDEX["pelvis"]
 

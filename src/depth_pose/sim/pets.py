@@ -3,6 +3,8 @@
 A pet is a build, `Pet`, which gives its shapes at any phase of its gait; it faces +z of its own floor. Legs
 move in the order of a walk (left hind, left fore, right hind, right fore, a quarter of a cycle apart) or in
 diagonal pairs (trot); a paw is on the floor for `_STANCE` of a cycle and moves back evenly while it is.
+
+Values are set by hand; ranges are drawn from at random.
 """
 
 from __future__ import annotations
@@ -23,13 +25,13 @@ GAITS: dict[str, tuple[float, float, float, float]] = {
 }
 """Phases of the left hind, right hind, left fore and right fore leg, cycles."""
 _STANCE = 0.6
-"""Share of a cycle that a paw is on the floor. Set by hand."""
+"""Share of a cycle that a paw is on the floor."""
 _DARK_SHARE = 0.35
-"""Share of pets with a coat that returns little light. Set by hand."""
+"""Share of pets with a coat that returns little light."""
 _CATS = 0.35
-"""Share of cats among pets. Set by hand."""
+"""Share of cats among pets."""
 _POSTURES = {"walk": 0.45, "stand": 0.2, "sit": 0.2, "lie": 0.15}
-"""Postures of a pet in a single image, and their shares. Set by hand."""
+"""Postures of a pet in a single image, and their shares."""
 
 
 @dataclass(frozen=True)

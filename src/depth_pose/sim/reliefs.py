@@ -3,6 +3,8 @@
 A body is drawn along the plane's normal into a grid of heights. A cushion is lowered where the body is below
 its surface, a sheet is raised where the body is above; both pass over to the untouched surface with a
 slope, because neither foam nor cloth has steps.
+
+Values are set by hand; ranges are drawn from at random.
 """
 
 from __future__ import annotations
@@ -22,12 +24,12 @@ Array = NDArray[np.float64]
 CELL_M = 0.03
 """Width of a grid's cells, metres."""
 DEEPEST_M = 0.22
-"""Maximum depth of a body in a surface, metres; a deeper one is beside it. Set by hand."""
+"""Maximum depth of a body in a surface, metres; a deeper one is beside it."""
 
 _FAR_M = 20.0
 """Distance of the drawing camera from the plane, metres: farther than any body reaches."""
 _COVERED_M = 0.012
-"""A sheet this far above the surface below it covers a person, metres. Set by hand."""
+"""A sheet this far above the surface below it covers a person, metres."""
 
 
 @dataclass(frozen=True)

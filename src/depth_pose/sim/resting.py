@@ -2,6 +2,8 @@
 
 Everything is made in the figure's own frame (metres, y up, facing +z, pelvis above the origin), and placed
 with the same position and rotation as the figure.
+
+Values are set by hand; ranges are drawn from at random.
 """
 
 from __future__ import annotations
@@ -23,16 +25,16 @@ from depth_pose.sim.shapes import Assembly, Kind, random_albedo
 Array = NDArray[np.float64]
 
 SEATS = {"chair": 0.34, "stool": 0.07, "sofa": 0.38, "edge of a bed": 0.08, "wheelchair": 0.13}
-"""Frequency of each seat. Set by hand."""
+"""Frequency of each seat."""
 
 _BLANKETS, _LAP_BLANKETS, _FLOOR_BLANKETS, _COUCHES = 0.65, 0.15, 0.3, 0.2
-"""Shares of people in bed, on sofas and on the floor with a cover, and of beds with a back. Set by hand."""
+"""Shares of people in bed, on sofas and on the floor with a cover, and of beds with a back."""
 _DESKS = 0.4
-"""Share of people on chairs and wheelchairs who sit at a table. Set by hand."""
+"""Share of people on chairs and wheelchairs who sit at a table."""
 _SMALL_M, _CARRIED_M = 1.3, (0.6, 0.95)
 """Statures, metres: maximum of the children from which carried ones are scaled, and range of carried ones."""
 _HALF_TRUNK_M = 0.14
-"""Half the width of the strip of a back that a backrest is fitted to, metres. Set by hand."""
+"""Half the width of the strip of a back that a backrest is fitted to, metres."""
 
 
 @dataclass(frozen=True)

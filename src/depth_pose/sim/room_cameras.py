@@ -5,6 +5,8 @@ near walls where those are near, and look at the middle of their paths. Every ca
 sensor, image size, frame rate and start time, and a clock with an error::
 
     stamp = true time + clock_offset + clock_drift * true time
+
+Values are set by hand; ranges are drawn from at random.
 """
 
 from __future__ import annotations
@@ -31,11 +33,11 @@ _OTHER_FPS = (12.5, 15.0, 30.0)
 _MAX_DRIFT = 20e-6
 """Maximum drift of a clock against that of camera 0: common crystals are within 20 ppm."""
 _FAR_M = (6.0, 10.0)
-"""Range of the cameras' maximum distances, metres; as for a single camera in a room. Set by hand."""
+"""Range of the cameras' maximum distances, metres; as for a single camera in a room."""
 _FIELDS_DEG = (55.0, 85.0)
-"""Range of horizontal fields of view, degrees. Set by hand."""
+"""Range of horizontal fields of view, degrees."""
 _WIDTH_SHARES, _ASPECTS = (1.0, 0.9, 0.75), (4 / 3, 4 / 3, 16 / 9)
-"""Widths relative to the given width, and width by height, of the cameras' images. Set by hand."""
+"""Widths relative to the given width, and width by height, of the cameras' images."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,7 @@
-"""Places for cameras in a furnished room: near walls, off the people's paths, with the people in view."""
+"""Places for cameras in a furnished room: near walls, off the people's paths, with the people in view.
+
+Values are set by hand; ranges are drawn from at random.
+"""
 
 from __future__ import annotations
 
@@ -18,33 +21,33 @@ from depth_pose.sim.shapes import Triangles
 Array = NDArray[np.float64]
 
 _HEIGHTS_M = (1.0, 2.6)
-"""Range of heights above the floor, metres. Set by hand."""
+"""Range of heights above the floor, metres."""
 _AIMS_M = (0.7, 1.2)
-"""Range of heights that cameras look at, metres. Set by hand."""
+"""Range of heights that cameras look at, metres."""
 _AWAY_M = (2.3, 4.5)
-"""Range of distances from the middle of the people's paths; walls may be nearer, metres. Set by hand."""
+"""Range of distances from the middle of the people's paths; walls may be nearer, metres."""
 _AHEAD_M = (0.0, 3.0)
-"""Spot, x and z, that cameras look at where there are no people, metres. Set by hand."""
+"""Spot, x and z, that cameras look at where there are no people, metres."""
 _ROLL_DEG = 2.0
-"""Standard deviation of the cameras' roll, degrees. Set by hand."""
+"""Standard deviation of the cameras' roll, degrees."""
 _STEP_M = 0.05
 """Steps in which a wall is approached, metres."""
 _FROM_WALL_M, _FROM_CEILING_M = 0.12, 0.1
-"""Minimum distances of cameras from walls and ceiling, metres. Set by hand."""
+"""Minimum distances of cameras from walls and ceiling, metres."""
 _FROM_PEOPLE_M = 0.7
-"""Minimum distance of people's paths from a camera, metres. Set by hand."""
+"""Minimum distance of people's paths from a camera, metres."""
 _APART_DEG = 40.0
-"""Minimum angle between two cameras, seen from the middle of the paths, degrees. Set by hand."""
+"""Minimum angle between two cameras, seen from the middle of the paths, degrees."""
 _LOOK_EVERY_S = 2.0
-"""Time between the moments at which a camera must see people, seconds. Set by hand."""
+"""Time between the moments at which a camera must see people, seconds."""
 _SEES_SHARE = 0.6
-"""Share of joints, over all moments, that a camera must see. Set by hand."""
+"""Share of joints, over all moments, that a camera must see."""
 _CLOSE_M, _CLOSE_SHARE = 0.8, 0.03
-"""Maximum share of an image with surfaces nearer than this distance (m). Set by hand."""
+"""Maximum share of an image with surfaces nearer than this distance (m)."""
 _TRIES = 150
-"""Maximum number of places tried for a camera; the best is kept where none suffices. Set by hand."""
+"""Maximum number of places tried for a camera; the best is kept where none suffices."""
 _SMALL_PX = 80
-"""Width of the images that places are judged by, pixels. Set by hand."""
+"""Width of the images that places are judged by, pixels."""
 _JOINT_SLACK_M = 0.25
 """A joint lies at most this far behind its own surface, metres."""
 

@@ -2,6 +2,8 @@
 
 The camera is above the origin of the room frame (y up, z away from it along the floor, metres); the
 walls are around it, rotated by some angle.
+
+Values are set by hand; ranges are drawn from at random.
 """
 
 from __future__ import annotations
@@ -20,18 +22,18 @@ Array = NDArray[np.float64]
 Maker = Callable[[np.random.Generator], Assembly]
 
 _STUDIO_SHARE = 0.1
-"""Share of studios among rooms. Set by hand."""
+"""Share of studios among rooms."""
 _CLEAR_OF_CAMERA_M = 0.35
-"""Free floor between the camera and objects that end 15 cm or more below it, metres. Set by hand."""
+"""Free floor between the camera and objects that end 15 cm or more below it, metres."""
 _TALL_CLEAR_OF_CAMERA_M = 0.9
-"""The same for taller things. Set by hand."""
+"""The same for taller things."""
 _HUNG_M = 2.2
-"""Height above which cameras hang from ceilings, not only in front of a wall, metres. Set by hand."""
+"""Height above which cameras hang from ceilings, not only in front of a wall, metres."""
 _BELOW_CAMERA_M = 0.8
-"""Objects that end this far below a ceiling camera may stand anywhere, metres. Set by hand."""
+"""Objects that end this far below a ceiling camera may stand anywhere, metres."""
 _HIDES_FROM_M = 0.8  # people behind lower objects can still be found
 _TRIES = 6
-"""Number of spots tried for each object. Set by hand."""
+"""Number of spots tried for each object."""
 
 
 @dataclass(frozen=True)

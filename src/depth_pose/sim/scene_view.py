@@ -2,6 +2,8 @@
 
 Scenes are drawn with a depth buffer instead of ray casting: an image of a furnished room takes a fifth of
 the time, because a ray caster builds its tree for a single image.
+
+Values are set by hand; ranges are drawn from at random.
 """
 
 from __future__ import annotations
@@ -17,13 +19,13 @@ from depth_pose.sim import _scene_kernels as kernels
 Array = NDArray[np.float64]
 
 _NEAR_M = 0.05
-"""Surfaces nearer to the camera's plane are not seen, metres. Set by hand."""
+"""Surfaces nearer to the camera's plane are not seen, metres."""
 _OVERHEAD = np.sin(np.radians(40.0))
 """Sine of the pitch above which a camera is overhead: its view is below it, not ahead."""
 _WAIST_M = 0.6
-"""Height above the floor that overhead cameras aim at, metres. Set by hand."""
+"""Height above the floor that overhead cameras aim at, metres."""
 _SILHOUETTE_PX = 96
-"""Longer side of the image that a silhouette's area is counted in, pixels. Set by hand."""
+"""Longer side of the image that a silhouette's area is counted in, pixels."""
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,8 @@ by the image's border; a third of them are nearer than 2.2 m. Around them are ob
 mistakes for people: coats on stands, jackets on chairs, pillars, plants, pets, slanted bare walls, screens
 that return no light. Cameras are mounted as in `MOUNTINGS`. A tenth of the scenes are studios: people before
 a plain wall or before nothing.
+
+Values are set by hand; ranges are drawn from at random.
 """
 
 from __future__ import annotations
@@ -30,18 +32,18 @@ Array = NDArray[np.float64]
 MOST_PEOPLE = 6
 """Maximum number of people in a scene: one for each of `_PEOPLE_SHARES`."""
 _NOBODY_SHARE = 0.15
-"""Share of scenes without anybody. Set by hand."""
+"""Share of scenes without anybody."""
 _PEOPLE_SHARES = (0.38, 0.27, 0.15, 0.1, 0.06, 0.04)  # one to six
 _ASPECTS = (4 / 3, 16 / 9, 11 / 9, 1.0)
-"""Width of an image by its height. Set by hand."""
+"""Width of an image by its height."""
 _ASPECT_SHARES = (0.7, 0.12, 0.1, 0.08)
-"""How often each is drawn. Set by hand."""
+"""How often each is drawn."""
 MOUNTINGS = {"common": 0.58, "ceiling": 0.24, "rolled": 0.1, "low": 0.08}
 """Shares of mountings: on a stand, shelf or robot; from a ceiling, looking down by 40 to 90
-degrees; likewise but rolled onto a side or upside down; near the floor. Set by hand."""
+degrees; likewise but rolled onto a side or upside down; near the floor."""
 _JOINT_SLACK_M = 0.25  # maximum depth of a joint below its owner's surface
 EVERY = 12
-"""Stride over a person's vertices in the intersection test with furniture. Set by hand."""
+"""Stride over a person's vertices in the intersection test with furniture."""
 
 
 @dataclass(frozen=True)

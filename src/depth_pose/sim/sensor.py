@@ -1,4 +1,7 @@
-"""A virtual depth sensor: Open3D ray casting of triangle meshes, then the noise of a real one."""
+"""A virtual depth sensor: Open3D ray casting of triangle meshes, then the noise of a real one.
+
+Values are set by hand; ranges are drawn from at random.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ Mesh = tuple[NDArray[np.floating], NDArray[np.integer]]
 """Vertices (V, 3), camera frame, metres; and faces (F, 3)."""
 
 _OCCLUSION_SLACK_M = 0.02
-"""Tolerance of the projector's ray in front of the surface that it lights, metres. Set by hand."""
+"""Tolerance of the projector's ray in front of the surface that it lights, metres."""
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,8 @@ An object is an `Assembly` of boxes, cylinders, lumps and sheets, made at the or
 are turned into triangles together (`triangulate`), because one by one would take longer than drawing
 them. Every triangle has the kind of its object and its infrared reflectance: black plastic and screens
 near 0, white paint near 1.
+
+Values are set by hand; ranges are drawn from at random.
 """
 
 from __future__ import annotations
@@ -53,9 +55,9 @@ class Kind(IntEnum):
 
 
 _LUMP_RINGS, _LUMP_COLUMNS = 7, 12
-"""Points of a lump from pole to pole and around. Set by hand."""
+"""Points of a lump from pole to pole and around."""
 _ROUND_COLUMNS = 12
-"""Points around a cylinder. Set by hand."""
+"""Points around a cylinder."""
 _BOX_CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 """Corners of a box with edges of 1, (8, 3)."""
 _BOX_FACES = np.array(

@@ -1,4 +1,7 @@
-"""Paths through a room of what is no person: cameras that drive, turn and nod, and pets that walk."""
+"""Paths through a room of what is no person: cameras that drive, turn and nod, and pets that walk.
+
+Values are set by hand; ranges are drawn from at random.
+"""
 
 from __future__ import annotations
 
@@ -17,23 +20,23 @@ from depth_pose.sim.shapes import Assembly, Kind, Triangles, triangulate
 Array = NDArray[np.float64]
 
 _AHEAD_M, _ASIDE_M = 1.2, 0.5
-"""How far a camera drives ahead and to each side, at most, metres. Set by hand."""
+"""How far a camera drives ahead and to each side, at most, metres."""
 _SPEED_M_S = 0.5
-"""Maximum speed of a driving camera, m/s. Set by hand."""
+"""Maximum speed of a driving camera, m/s."""
 _TURN_DEG, _NOD_DEG = 25.0, 7.0
-"""Standard deviations of a camera's yaw and pitch about its first ones, degrees. Set by hand."""
+"""Standard deviations of a camera's yaw and pitch about its first ones, degrees."""
 _SHAKE_DEG, _SHAKE_M = 0.15, 0.002
-"""Standard deviations of its shaking from frame to frame. Set by hand."""
+"""Standard deviations of its shaking from frame to frame."""
 _SLOW_S = 1.2
-"""Time over which its motion is smooth, seconds. Set by hand."""
+"""Time over which its motion is smooth, seconds."""
 _FREE_M = 0.3
-"""Radius around a camera's path that stays free of furniture, metres. Set by hand."""
+"""Radius around a camera's path that stays free of furniture, metres."""
 _PET_M_S = (0.4, 1.4)
-"""Range of speeds of pets. Set by hand."""
+"""Range of speeds of pets."""
 _PAUSES = 0.35
-"""Share of a pet's legs of a path after which it pauses. Set by hand."""
+"""Share of a pet's legs of a path after which it pauses."""
 _FROM_WALLS_M = 0.4
-"""Minimum distance of paths from walls, metres. Set by hand."""
+"""Minimum distance of paths from walls, metres."""
 
 
 def _smooth(rng: np.random.Generator, frames: int, fps: float) -> Array:

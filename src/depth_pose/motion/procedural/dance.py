@@ -3,6 +3,8 @@
 A dance is a table of key postures, one to a beat, that ends as it begins. A *performance* of it
 has its own tempo, timing that wanders against the beat, range of each limb, habitual posture, and
 a slow irregular deviation of every joint. The dances are not part of the exemplar bank.
+
+Values are set by hand; ranges are drawn from at random.
 """
 
 from __future__ import annotations
@@ -56,7 +58,7 @@ def _trunk(bow: float, side: float, twist: float, heading: float) -> Key:
 
 
 _STAND = ((4.0, 6.0, 8.0), (4.0, 6.0, 8.0))
-"""Leg angles of a standing person (degrees), as arguments of `_legs`. Set by hand."""
+"""Leg angles of a standing person (degrees), as arguments of `_legs`."""
 
 # lively: steps aside, swings of both arms, arms overhead, a knee raised
 _SWING: tuple[Key, ...] = (
@@ -144,10 +146,10 @@ _TIMING_BEATS = (0.12, 1.2)
 """Deviation of the timing from the beat: standard deviation in beats, correlation time in seconds."""
 
 _TEMPO = (0.93, 1.07)
-"""Slowest and fastest tempo of a performance relative to the dance's. Set by hand."""
+"""Slowest and fastest tempo of a performance relative to the dance's."""
 
 _RANGE = 0.06
-"""Standard deviation of the factor on each joint's range of movement. Set by hand."""
+"""Standard deviation of the factor on each joint's range of movement."""
 
 
 def perform(dance: str, seed: int, seconds: float, fps: float = 30.0, start_beat: float = 0.0) -> Clip:

@@ -5,6 +5,8 @@ families (`depth_pose.motion.procedural.families`), the poses from everyday post
 (`depth_pose.motion.procedural.postures`), and pass through the same gates: joint
 limits, the shoulder's rhythm, limbs out of the body, feet on the floor. Nothing is taken from
 recorded motion.
+
+Values are set by hand; ranges are drawn from at random.
 """
 
 from __future__ import annotations
@@ -67,7 +69,7 @@ _SMOOTH_S = (0.06, 0.04, 0.025)
 """Widths of the Gaussians that smooth a clip one after the other, seconds. Set by hand; not swept."""
 
 _SLOW_S = 0.8
-"""Width (s) of the Gaussian that separates a path's slow part: longer than a stride. Set by hand."""
+"""Width (s) of the Gaussian that separates a path's slow part: longer than a stride."""
 
 
 def make_clip(name: str, fps: float = 30.0, seconds: float = 10.0, seed: int = 0) -> Clip:

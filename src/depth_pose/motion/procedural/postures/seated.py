@@ -4,6 +4,8 @@ The pelvis's height and the feet's places make the legs (`lower_body`); trunk an
 around them. Seats are 0.32 (a low sofa) to 0.75 m (a bar stool) high, a chair's 0.43 to 0.48 (H. Dreyfuss
 Associates, *The Measure of Man and Woman*, 1993); the pelvis of the dressed body lies about
 0.14 m above the seat.
+
+Values are set by hand; ranges are drawn from at random.
 """
 
 from __future__ import annotations
@@ -201,7 +203,7 @@ def _on_floor(draw: Draw) -> Array:
 
 
 _LAP = (0.11, 0.09, 0.28)
-"""Mean position of the left hand in the lap, relative to the pelvis (m). Set by hand."""
+"""Mean position of the left hand in the lap, relative to the pelvis (m)."""
 
 SIT = (
     Kind("type", 3.0, _typing, raised=True),

@@ -5,6 +5,8 @@ Free motion comes from the families of the embedded motion source
 that it lacks. Places are metres on the 1.75 m body. Heights of tables, counters and
 shelves are those of H. Dreyfuss Associates, *The Measure of Man and Woman*, 1993 (desk 0.71 to
 0.76, counter 0.91, bar 1.07).
+
+Values are set by hand; ranges are drawn from at random.
 """
 
 from __future__ import annotations
@@ -33,7 +35,7 @@ from depth_pose.motion.reach import arm_to_target
 Array = NDArray[np.float64]
 
 _LONGEST_S = 20.0
-"""Maximum length (s) of a motion that moments are taken from. Set by hand."""
+"""Maximum length (s) of a motion that moments are taken from."""
 
 
 def of_family(name: str) -> Sampler:
