@@ -42,6 +42,21 @@ def opensim_joints(path):
     return list(table.getColumnLabels()), np.array(points) * 1e-3
 
 
+def tell_opensim_tables(skeletons, folder, where):
+    """Read the other files of OpenSim, and print their rows and columns."""
+    try:
+        import opensim
+    except ModuleNotFoundError:
+        print(".mot, .sto: opensim is not installed")
+        return
+    readers = {".mot": opensim.TimeSeriesTable, ".sto": opensim.TimeSeriesTableQuaternion}
+    for kind, read in readers.items():
+        for file in export_skeletons(skeletons, Path(folder) / f"one{kind}", **where).files:
+            table = read(str(file.path))
+            columns = len(table.getColumnLabels())
+            print(f"OpenSim  {file.path.name}: {table.getNumRows()} rows of {file.frames}, {columns} columns")
+
+
 def tell(reader, who, found, known):
     error = 1e3 * np.linalg.norm(found - known, axis=-1)
     gaps = int(np.isnan(found[:, 0, 0]).sum())
@@ -75,6 +90,7 @@ def main():
                     break
                 found = found[:, [names.index(joint) for joint in joints]]
                 tell(name, track.body_id, found[: len(expected)], expected)
+        tell_opensim_tables(skeletons, folder, where)
     print(f"floor: {arrays.floor.source}, {arrays.floor.height:.3f} m below the sensor")
 
 

@@ -38,6 +38,7 @@ COMMANDS = [
     ("faults.py",),
     ("drivers.py",),
     ("archives.py",),
+    *(("angles.py", part) for part in ("angles", "gait")),
     *(("rooms_live.py", part) for part in ("merged", "live")),
     *(("volume.py", part) for part in ("dances", "live")),
     *(("banks.py", part) for part in ("match", "size", "views", "score", "coverage")),

@@ -18,7 +18,7 @@ left and right as a share of their mean.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -47,6 +47,11 @@ _STEP_S = (0.25, 1.6)
 """Range of times of a step. Set by hand: 37 to 240 steps a minute."""
 _FLAT = (0.2, 0.7)
 """Part of the stance in which a foot does not move. Set by hand, from published curves (Winter 1991)."""
+_SCALE = 0.013
+"""Deviation of speeds that all of a recording share, as a share of them; measured, as the next:
+``python benchmarks/angles.py gait``."""
+_STEP_OFF_M = 0.005
+"""Deviation of the mean step length and width that all steps of a recording share, metres."""
 LEAST_STEPS = 4
 """Minimum number of steps for any number about gait: two of each foot."""
 LEAST_SURE = 0.6
@@ -275,38 +280,51 @@ def _measures(motion: Motion, walks: tuple[Walk, ...], steps: list[_Step]) -> tu
     speeds = _speeds(motion, walks)
     weight, speed = np.array([s for s, _ in speeds]), np.array([v for _, v in speeds])
     mean_speed = float(weight @ speed / weight.sum())
-    speed_off = np.sqrt(2) * place_m / weight.sum()
     spread = float(np.sqrt(weight @ (speed - mean_speed) ** 2 / weight.sum())) / np.sqrt(len(speed))
+    ends = np.sqrt(2) * place_m / weight.sum()
+    speed_sd = float(np.linalg.norm([ends, spread, _SCALE * mean_speed]))
+    cadence_sd = cadence * time.deviation / time.value
     lengths = {s: np.array([t.length for t in steps if t.side == s]) for s in SIDES}
+    widths = np.array([t.width for t in steps])
     stance, stride_s, double = _phases(walks)
     step_off, share_off = np.sqrt(2) * place_m, np.sqrt(2) * _EVENT_S / max(2 * time.value, 0.1) * 100.0
 
-    def measure(name: str, side: str, values: Array, each: float, of: str) -> Measure:
-        mean = mean_of(values, each)
+    def measure(name: str, side: str, values: Array, each: float, of: str, common: float = 0.0) -> Measure:
+        mean = mean_of(values, each, common)
         if not mean.count:
             reason = f"no {of[:-1]} was seen whole"
             return Measure(GROUP, name, side, np.nan, np.nan, NAMES[name], 0, of, frames, reason)
         return Measure(GROUP, name, side, mean.value, mean.deviation, NAMES[name], mean.count, of, frames)
 
     out = [
-        Measure(GROUP, "speed", "", mean_speed, float(np.hypot(speed_off, spread)), "m/s", len(walks),
-        "walks", frames), Measure(
-            GROUP, "cadence", "", cadence, cadence * time.deviation / time.value, "steps/min", time.count,
-            "steps", frames,
-        ),
-        measure("step length", "", np.concatenate([lengths[s] for s in SIDES]), step_off, "steps"),
-        *(measure("step length", s, lengths[s], step_off, "steps") for s in SIDES),
-        measure("step width", "", np.array([t.width for t in steps]), step_off, "steps"),
+        Measure(GROUP, "speed", "", mean_speed, speed_sd, "m/s", len(walks), "walks", frames),
+        Measure(GROUP, "cadence", "", cadence, cadence_sd, "steps/min", time.count, "steps", frames),
+        *(measure("step length", s, lengths[s], step_off, "steps", _STEP_OFF_M) for s in SIDES),
+        measure("step width", "", widths, step_off, "steps", _STEP_OFF_M),
         *(measure("stride time", s, stride_s[s], np.sqrt(2) * _EVENT_S, "strides") for s in SIDES),
         *(measure("stance", s, stance[s], share_off, "strides") for s in SIDES),
         *(measure("swing", s, 100.0 - stance[s], share_off, "strides") for s in SIDES),
         measure("double support", "", double, share_off, "strides"),
     ]  # fmt: skip
     known = {(m.name, m.side): m for m in out}
+    out.insert(2, _of_both(known["step length", "left"], known["step length", "right"]))
     for name, of in (("step length", "steps"), ("stance", "strides")):
         left, right = (known[name, side] for side in SIDES)
         out.append(_symmetry(f"symmetry of {name}", left, right, of, frames))
     return tuple(out)
+
+
+def _of_both(left: Measure, right: Measure) -> Measure:
+    """Mean of both sides, of which one may have more steps."""
+    if not (left.is_known and right.is_known):
+        return replace(right if left.is_known else left, side="")
+    return replace(
+        left,
+        side="",
+        value=0.5 * (left.value + right.value),
+        deviation=0.5 * float(np.hypot(left.deviation, right.deviation)),
+        count=left.count + right.count,
+    )
 
 
 def _symmetry(name: str, left: Measure, right: Measure, of: str, frames: int) -> Measure:

@@ -134,10 +134,14 @@ def _table(measures: Sequence[Measure]) -> Iterable[str]:
         name = f"<td>{escape(m.name)}{side}{words}</td>"
         if m.is_known:
             value = f'<td class="n">{_number(m)}</td><td>{escape(m.unit)}</td>'
-            yield f'<tr>{name}{value}<td class="n">{m.count} {escape(m.of)}</td></tr>'
+            yield f'<tr>{name}{value}<td class="n">{_count(m)}</td></tr>'
         else:
             yield f'<tr>{name}<td colspan="3" class="why">not known: {escape(printable(m.reason))}</td></tr>'
     yield "</table>"
+
+
+def _count(measure: Measure) -> str:
+    return escape(f"{measure.count} {measure.of if measure.count != 1 else measure.of[:-1]}")
 
 
 def _number(measure: Measure) -> str:
@@ -188,12 +192,16 @@ def _plain(axes: Axes) -> None:
 def _footprints(person: PersonReport) -> Figure:
     figure = _new_figure(8.0, 3.2)
     axes = figure.add_subplot()
-    path = person.motion.at("pelvis")
-    for walk in person.gait.walks:
-        axes.plot(*path[walk.first : walk.end, :2].T, color=MIDDLE, lw=0.8)
+    ways = [person.motion.at("pelvis")[walk.first : walk.end, :2] for walk in person.gait.walks]
+    labels, order = ["away from the sensor, m", "to its left, m"], [0, 1]
+    if np.ptp(np.concatenate(ways)[:, 1]) > np.ptp(np.concatenate(ways)[:, 0]):
+        order = [1, 0]  # the longer way lies across the page
+    for walk, way in zip(person.gait.walks, ways, strict=True):
+        axes.plot(*way[:, order].T, color=MIDDLE, lw=0.8)
         for event in walk.events:
-            axes.plot(*event.place, "o", ms=7, color=_COLOURS[event.side], alpha=0.8)
-    axes.set(aspect="equal", xlabel="away from the sensor, m", ylabel="to its left, m", adjustable="datalim")
+            axes.plot(*event.place[order], "o", ms=7, color=_COLOURS[event.side], alpha=0.8)
+    axes.set(aspect="equal", adjustable="datalim")
+    axes.set(xlabel=labels[order[0]], ylabel=labels[order[1]])
     _plain(axes)
     return figure
 
@@ -209,8 +217,10 @@ def _cycles(person: PersonReport) -> Figure:
             curves = _strides(person.gait, person, side, f"{side}_{name}")
             if not len(curves):
                 continue
-            with np.errstate(all="ignore"):
-                mean, spread = np.nanmean(curves, axis=0), np.nanstd(curves, axis=0)
+            known = np.isfinite(curves)
+            count = np.where(known.any(axis=0), known.sum(axis=0), np.nan)
+            mean = np.where(known, curves, 0.0).sum(axis=0) / count
+            spread = np.sqrt(np.where(known, (curves - mean) ** 2, 0.0).sum(axis=0) / count)
             axes.plot(_PARTS, mean, color=_COLOURS[side], lw=1.6, label=side)
             axes.fill_between(_PARTS, mean - spread, mean + spread, color=_COLOURS[side], alpha=0.2, lw=0)
         axes.set(title=name.replace("_", " "), xlabel="% of the stride", xlim=(0, 100))

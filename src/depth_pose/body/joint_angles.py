@@ -371,23 +371,26 @@ def _between(a: Array, b: Array) -> Array:
     return _deg(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1))
 
 
-_SURE_MM = {
-    "pelvis": 10.0,
-    "spine": 9.0,
-    "chest": 10.0,
-    "neck": 5.0,
-    "head": 6.0,
-    "shoulder": 11.0,
-    "elbow": 13.0,
-    "wrist": 15.0,
-    "hip": 11.0,
-    "knee": 9.0,
-    "ankle": 12.0,
-    "foot": 21.0,
-}
+_KINDS = (
+    "pelvis",
+    "spine",
+    "chest",
+    "neck",
+    "head",
+    "hip",
+    "shoulder",
+    "elbow",
+    "wrist",
+    "knee",
+    "ankle",
+    "foot",
+)
+_SURE_MM = dict(
+    zip(_KINDS, (10.0, 9.0, 10.0, 10.0, 12.0, 11.0, 12.0, 15.0, 18.0, 10.0, 12.0, 21.0), strict=True)
+)
 """Deviation of surely known joints in each direction against the rest of the body, millimetres; measured, as
-the next: ``python benchmarks/angles.py --joints``."""
-_LEAST_MM = ((0.25, 0.65, 0.9, 0.97), (130.0, 90.0, 45.0, 0.0))
+the next: ``python benchmarks/angles.py angles --joints``."""
+_LEAST_MM = ((0.25, 0.65, 0.9, 0.97), (110.0, 80.0, 45.0, 0.0))
 """Least deviation of a joint at a confidence, millimetres, interpolated."""
 
 
