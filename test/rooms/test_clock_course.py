@@ -66,3 +66,11 @@ def test_a_step_is_found_in_its_place(step):
 
 def test_nobody_says_nothing():
     assert ClockCourses(POSES).courses() == [ClockCourse()] * 3
+
+
+def test_courses_add_up():
+    a, b = ClockCourse((0, 10), (0.1, 0.2)), ClockCourse((5,), (-0.05,))
+    both = a.plus(b)
+    assert both.since_ns == (0, 5, 10)
+    assert both.offsets_s == pytest.approx((0.05, 0.05, 0.15))
+    assert both.line("right", "left").startswith("the clock of right is 50 ms ahead of, then 150 ms ahead of")

@@ -11,6 +11,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,12 +52,18 @@ class ClockCourse:
         """Return the offset (s) at a stamp of the camera."""
         return self.offsets_s[max(bisect_right(self.since_ns, stamp_ns) - 1, 0)]
 
+    def plus(self, other: ClockCourse) -> ClockCourse:
+        """Return the sum of two."""
+        since = sorted({*self.since_ns, *other.since_ns})
+        offsets = [self.offset_s(ns) + other.offset_s(ns) for ns in since]
+        return ClockCourse(tuple(since), tuple(offsets))
+
     def line(self, name: str, other: str) -> str:
         """Describe it; empty where the clocks agree."""
         if not any(self.offsets_s):
             return ""
         each = [f"{1e3 * abs(o):.0f} ms {'ahead of' if o > 0 else 'behind'}" for o in self.offsets_s]
-        then = ", then ".join(each)
+        then = ", then ".join(one for one, _ in groupby(each))
         return (
             f"the clock of {name} is {then} that of {other}: its stamps are corrected; "
             "synchronise the clocks (chrony, PTP)"

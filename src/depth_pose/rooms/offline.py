@@ -28,6 +28,9 @@ answered."""
 _FASTER = 0.8
 """Maximum frame period, as a share of an earlier camera's, of a camera that leads instead; set by hand."""
 
+_CLOCK_PASSES = 4
+"""Maximum number of estimates of the clocks: people turn, so the first ones are short of a large offset."""
+
 _LEAST_PERIOD_NS = 1_000_000
 """Least frame period, nanoseconds."""
 
@@ -133,10 +136,14 @@ def process_room(
 
 def correct_clocks(watched: Sequence[Watched], fusion: RoomFusion) -> list[str]:
     """Estimate and set the clocks of the cameras; return a line for each that differs."""
-    courses = ClockCourses([camera.T_room_camera for camera in fusion.rig.cameras])
-    for room_ns, camera, frame in in_order(watched, fusion.room_stamp):
-        courses.add(camera, frame.stamp_ns, room_ns, frame.skeletons)
-    fusion.clocks = courses.courses()
+    for _ in range(_CLOCK_PASSES):
+        courses = ClockCourses([camera.T_room_camera for camera in fusion.rig.cameras])
+        for room_ns, camera, frame in in_order(watched, fusion.room_stamp):
+            courses.add(camera, frame.stamp_ns, room_ns, frame.skeletons)
+        more = courses.courses()
+        if not any(any(course.offsets_s) for course in more):
+            break
+        fusion.clocks = [a.plus(b) for a, b in zip(fusion.clocks, more, strict=True)]
     names = [camera.name for camera in fusion.rig.cameras]
     return list(filter(None, (c.line(n, names[0]) for c, n in zip(fusion.clocks, names, strict=True))))
 
