@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections import Counter
 from glob import has_magic
@@ -209,7 +210,7 @@ def run(
         run_room(
             [Path(r) for r in recordings], rig, target, bank, depth_topic, images, config, workers, markers
         )
-    elif not output.endswith("/") and _is_one(recordings, target):
+    elif not output.endswith(("/", os.sep)) and _is_one(recordings, target):
         if cluster is not None:
             raise ConfigError(
                 "--cluster is for several recordings; for one, let -o be a folder (its name ends in /)"

@@ -16,7 +16,6 @@ written, so that the next process can recognise and remove those of killed proce
 from __future__ import annotations
 
 import errno
-import fcntl
 import io
 import os
 import secrets
@@ -27,6 +26,7 @@ from pathlib import Path
 from typing import BinaryIO, TextIO
 
 from depth_pose.core.errors import InputError
+from depth_pose.core.system import HAS_LOCKS, lock, open_flags, try_lock
 
 _PART = ".part"
 _PARTIAL = ".partial"
@@ -269,9 +269,9 @@ def _open_partial(path: Path) -> tuple[Path, int]:
 
 def _create(path: Path) -> int:
     """Create and lock a file that was not there; no link is followed."""
-    number = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
-    with suppress(OSError):  # some file systems have no locks
-        fcntl.flock(number, fcntl.LOCK_EX)
+    flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | open_flags("O_NOFOLLOW", "O_CLOEXEC")
+    number = os.open(path, flags, 0o666)
+    lock(number)
     return number
 
 
@@ -290,12 +290,15 @@ def remove_parts(paths: Iterable[AnyPath]) -> None:
 def _remove_if_left(part: Path) -> None:
     """Remove a temporary file that is not locked."""
     with suppress(OSError):
-        number = os.open(part, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        number = os.open(part, os.O_RDWR | open_flags("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC"))
         try:
-            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            part.unlink()
+            try_lock(number)
+            if HAS_LOCKS:
+                part.unlink()
         finally:
             os.close(number)
+        if not HAS_LOCKS:  # where an open file cannot be removed
+            part.unlink()
 
 
 @contextmanager
@@ -316,22 +319,29 @@ def own_folder(folder: AnyPath) -> Iterator[None]:
     made = [place for place in (path, *path.parents) if not place.exists()]
     try:
         path.mkdir(parents=True, exist_ok=True)
-        number = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        number = _open_folder(path)
     except OSError as error:
         raise _unwritable(path, error) from error
     try:
-        _lock_or_refuse(path, number)
+        if number is not None:
+            _lock_or_refuse(path, number)
         yield
     finally:
-        os.close(number)
+        if number is not None:
+            os.close(number)
         with suppress(OSError):  # the first that is not empty
             for place in made:
                 place.rmdir()
 
 
+def _open_folder(path: Path) -> int | None:
+    """Open a folder for its lock; None where the system has no locks, and opens no folders."""
+    return os.open(path, os.O_RDONLY | open_flags("O_DIRECTORY", "O_CLOEXEC")) if HAS_LOCKS else None
+
+
 def _lock_or_refuse(path: Path, number: int) -> None:
     try:
-        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        try_lock(number)
     except BlockingIOError as error:
         raise InputError(
             f"another command writes its outputs into {path}: wait for its end, or give another folder"

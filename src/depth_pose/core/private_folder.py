@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import getpass
 import os
 import stat
 import tempfile
 from contextlib import suppress
 from pathlib import Path
+
+from depth_pose.core.system import account
 
 
 def is_writable(folder: Path) -> bool:
@@ -33,7 +36,9 @@ def is_private(folder: Path) -> bool:
 
 
 def _is_safe(found: os.stat_result, *, is_above: bool) -> bool:
-    user = os.geteuid()
+    user = account()
+    if user is None:  # the system's access lists decide
+        return True
     if found.st_uid not in (user, 0) or (found.st_uid != user and not is_above):
         return False
     if is_above and found.st_mode & stat.S_ISVTX:
@@ -59,11 +64,13 @@ def private_folder(name: str) -> Path | None:
         None where no folder can be made.
     """
     try:
-        own = Path(tempfile.gettempdir()) / f"depth_pose-{os.geteuid()}"
+        user = account()
+        own = Path(tempfile.gettempdir()) / f"depth_pose-{getpass.getuser() if user is None else user}"
         with suppress(FileExistsError):
             own.mkdir(mode=0o700)
         found = own.lstat()
-        if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid() or found.st_mode & 0o077:
+        is_own = user is None or (found.st_uid == user and not found.st_mode & 0o077)
+        if not (stat.S_ISDIR(found.st_mode) and is_own):
             own = Path(tempfile.mkdtemp(prefix="depth_pose-"))
     except OSError:
         return None

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from depth_pose.core.errors import ConfigError, DepthPoseError, InputError
+from depth_pose.core.system import open_flags
 
 MOST_SETTINGS_BYTES = 1 << 20
 """Size limit of settings, rig and build files (bytes): a hundred times a rig of 100 cameras. Set by hand."""
@@ -50,7 +51,7 @@ def open_ordinary(path: Path | str, most_bytes: int | None = None) -> Iterator[B
         Where it is missing, unreadable, not an ordinary file, or too large.
     """
     try:
-        number = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        number = os.open(path, os.O_RDONLY | open_flags("O_NONBLOCK", "O_CLOEXEC"))
     except (OSError, ValueError) as error:  # ValueError: a name with a zero byte in it
         raise InputError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
     found = os.fstat(number)
