@@ -9,6 +9,7 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
+from html import unescape
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ from typer.main import get_command
 
 from depth_pose.cli.app import app
 from depth_pose.core.config import PipelineConfig
+from depth_pose.core.skeleton import JOINTS
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -48,6 +50,40 @@ def test_the_pages_are_built_with_the_api(site: Path) -> None:
     text = (site / "python" / "index.html").read_text(encoding="utf-8")
     for name in ("depth_pose.Tracker", "depth_pose.Camera.from_matrix", "depth_pose.Skeleton.to_pandas"):
         assert f'id="{name}"' in text
+
+
+def test_the_command_reference_has_every_command_and_option(site: Path) -> None:
+    html = (site / "commands" / "index.html").read_text(encoding="utf-8")
+    text = unescape(re.sub(r"<[^>]+>", "", html))
+    waiting, seen = [(get_command(app), ())], 0
+    while waiting:
+        command, names = waiting.pop()
+        if hasattr(command, "commands"):
+            waiting += [(inner, (*names, name)) for name, inner in command.commands.items()]
+            continue
+        assert f'id="{"-".join(names)}"' in html, names
+        for option in {o for p in command.params if not getattr(p, "hidden", False) for o in p.opts}:
+            assert not option.startswith("--") or option in text, (names, option)
+            seen += 1
+    assert seen > 200
+    assert "wide.css" in html and "pre-wrap" in (site / "stylesheets" / "wide.css").read_text()
+
+
+def test_the_table_of_joints_has_each_of_ours_once() -> None:
+    page = (DOCS / "joints.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (\d+) \| `(\w+)` \|(.*)\|$", page, re.MULTILINE)
+    assert [(int(i), name) for i, name, _ in rows] == list(enumerate(JOINTS))
+    for column in range(4):
+        cells = [row.split("|")[column].strip() for _, _, row in rows]
+        numbers = [int(cell.split()[0]) for cell in cells if cell[0].isdigit()]
+        assert len(numbers) == len(set(numbers)) and max(numbers) < (32, 17, 33, 24)[column]
+    sides = [(name, row.split("|")) for _, name, row in rows if name.startswith("left_")]
+    other = {name: row.split("|") for _, name, row in rows}
+    for name, cells in sides:  # COCO and MediaPipe count left, right; SMPL as well
+        for column in (1, 2, 3):
+            pair = [c.split()[0] for c in (cells[column], other["right_" + name[5:]][column])]
+            if pair[0].isdigit():
+                assert int(pair[1]) == int(pair[0]) + 1, (name, column)
 
 
 def test_links_into_the_pages_lead_somewhere(site: Path) -> None:

@@ -10,9 +10,9 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "src"))
 
-from typer.main import get_command  # noqa: E402
+from typer.main import get_command
 
-from depth_pose.cli.app import app  # noqa: E402
+from depth_pose.cli.app import app
 
 MARKER = "<!-- commands -->"
 
@@ -66,7 +66,9 @@ def _table(params: list[Any]) -> Iterator[str]:
 
 def _row(param: Any) -> Iterator[str]:
     is_argument = param.param_type_name == "argument"
-    names = param.metavar or param.name.upper() if is_argument else ", ".join(param.opts + param.secondary_opts)
+    names = (
+        param.metavar or param.name.upper() if is_argument else ", ".join(param.opts + param.secondary_opts)
+    )
     if not is_argument and param.metavar:
         names += f" {param.metavar}"
     if param.required:
@@ -75,4 +77,15 @@ def _row(param: Any) -> Iterator[str]:
         default = param.show_default
     else:
         default = "" if param.default in (None, False) or callable(param.default) else str(param.default)
-    yield f"| `{names}` | {_escaped(_plain(param.help or ''))} | {_escaped(default)} |"
+    text = _escaped(_plain(param.help or "")) + _range(param)
+    yield f"| `{names}` | {text} | {_escaped(default)} |"
+
+
+def _range(param: Any) -> str:
+    """Return the range of a number, in words."""
+    low, high = getattr(param, "min", None), getattr(param, "max", None)
+    if low is None and high is None:
+        return ""
+    if high is None:
+        return f" At least {low:g}."
+    return f" From {low or 0:g} to {high:g}."
