@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 from command import environment
 from depth_pose.core.errors import InputError
 from depth_pose.core.outputs import own_folder, remove_parts
+from depth_pose.core.workers import _without_interrupts
 from depth_pose.detect.sample_frame import sample_frame
 from depth_pose.io.mcap_write import DepthWriter
 
@@ -96,7 +98,7 @@ def test_run_export_and_view(recording: Path, bank_path: Path, tmp_path: Path) -
     as_on_windows(
         COMMANDS,
         f"run {recording} -o {one} --bank {bank_path}",
-        f"run {recording} {other} -o {many} --bank {bank_path} --workers 1",
+        f"run {recording} {other} -o {many} --bank {bank_path} --workers 0",
         f"export {one} -o {tmp_path}/joints.csv",
         f"export {one} -o {tmp_path}/motion.bvh",
     )
@@ -113,6 +115,14 @@ def test_without_locks_what_was_left_is_removed(monkeypatch: pytest.MonkeyPatch,
         left.write_bytes(b"")
         remove_parts([tmp_path / "a.npz"])
         assert not left.exists()
+
+
+def test_without_masks_of_signals_workers_start_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    with _without_interrupts():  # Python's own workers need the mask here, so none is started
+        assert signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+    monkeypatch.delattr(signal, "pthread_sigmask")
+    with _without_interrupts():
+        pass
 
 
 def test_with_locks_a_folder_is_taken_once(tmp_path: Path) -> None:
