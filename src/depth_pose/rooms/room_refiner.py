@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,35 +119,32 @@ class RoomRefiner:
         best = solve(starts, problem, is_measured=False)
         memory.follow(best.body.pose, stamp_ns)
         memory.turn += 1
-        teacher = views[memory.turn % len(views)]
-        posed = teacher.body_in_camera(best.body)
-        score = self._objective.score(teacher.person, posed).depth
-        learned = self._builds.learn(shape, teacher.target, posed, score, stamp_ns)
+        seen = [self._see(view, best.body) for view in views]
+        teacher, (posed, score) = views[memory.turn % len(views)], seen[memory.turn % len(views)]
+        learned = self._builds.learn(shape, teacher.target, posed, score.depth, stamp_ns)
         memory.state = memory.state._replace(shape=learned)
-        return self._report(best, shape.build, views, shares, memory, stamp_ns, named)
+        told = []
+        for view, (posed, score) in zip(views, seen, strict=True):
+            answer = Fitted(named[1], stamp_ns, Source.REFINED, posed, shape.build, score.depth, score.gap)
+            own = place(to_skeleton(view.person, answer), view.T_room_camera, named[0])
+            told.append(replace(own, stamp_ns=stamp_ns, body_id=named[1]))
+        return self._fuse(best, told, shares, memory)
+
+    def _see(self, view: View, body: FittedBody) -> tuple[FittedBody, Score]:
+        """Return a body in a camera's frame, and its score there."""
+        posed = view.body_in_camera(body)
+        return posed, self._objective.score(view.person, posed)
 
     def _score(self, views: Sequence[View], body: FittedBody, shares: NDArray[np.float64]) -> Score:
         """Score a body in the room's frame, each view weighted by the area that it sees."""
         posed = [view.body_in_camera(body) for view in views]
         return self._objective.score_views([view.person for view in views], posed, shares)
 
-    def _report(
-        self,
-        best: ScoredFit,
-        build: NDArray[np.float32],
-        views: Sequence[View],
-        shares: NDArray[np.float64],
-        memory: RoomMemory,
-        stamp_ns: int,
-        named: tuple[str, str],
+    def _fuse(
+        self, best: ScoredFit, told: Sequence[Skeleton], shares: NDArray[np.float64], memory: RoomMemory
     ) -> Skeleton:
-        """Fuse the fitted joints with each camera's measured ones; each has its best camera's confidence."""
-        told = []
-        for view in views:
-            posed = view.body_in_camera(best.body)
-            seen = self._objective.score(view.person, posed)
-            answer = Fitted(named[1], stamp_ns, Source.REFINED, posed, build, seen.depth, seen.gap)
-            told.append(place(to_skeleton(view.person, answer), view.T_room_camera, named[0]))
+        """Fuse the cameras' joints in the room's frame; each has its best camera's confidence."""
+        first = told[0]
         places = np.array([t.positions for t in told])
         confidence = np.array([t.joint_confidence for t in told], np.float64)
         weight = confidence * shares[:, None]
@@ -156,15 +153,15 @@ class RoomRefiner:
         filtered = low_pass(
             before,
             mean if np.isfinite(mean).all() else best.body.nodes[JOINT_NODES],
-            stamp_ns,
+            first.stamp_ns,
             self._smooth,
         )
         memory.state = memory.state._replace(filter=filtered)
         surest = confidence.argmax(axis=0), np.arange(len(mean))
         fused = Skeleton(
-            stamp_ns=stamp_ns,
-            frame_id=named[0],
-            body_id=named[1],
+            stamp_ns=first.stamp_ns,
+            frame_id=first.frame_id,
+            body_id=first.body_id,
             source=Source.REFINED,
             confidence=max(t.confidence for t in told),
             residual=best.terms.gap,
@@ -173,7 +170,7 @@ class RoomRefiner:
             quats_xyzw=matrix_to_quat(best.body.pose.rotations[JOINT_NODES]),
             joint_confidence=confidence.max(axis=0).astype(np.float32),
             joint_states=np.min([t.joint_states for t in told], axis=0),
-            build=build,
+            build=first.build,
             covariances=np.array([t.covariances for t in told])[surest],
         )
         return with_motion(fused, before, filtered)
