@@ -45,6 +45,8 @@ _LEAST_SWING_M = 0.08
 """Minimum swing of a foot before and behind the pelvis. Set by hand."""
 _STEP_S = (0.25, 1.6)
 """Range of times of a step. Set by hand: 37 to 240 steps a minute."""
+_UNLIKE = 0.4
+"""Maximum difference of a step's time from the median, as a share of it. Set by hand: a limp is less."""
 _FLAT = (0.2, 0.7)
 """Part of the stance in which a foot does not move. Set by hand, from published curves (Winter 1991)."""
 _SCALE = 0.013
@@ -145,6 +147,8 @@ def analyse_gait(motion: Motion) -> Gait:
         return Gait((), refused(GROUP, NAMES, reason))
     walks = tuple(_walk(motion, *part) for part in seen)
     steps = [step for walk in walks for step in _steps(walk)]
+    usual_s = float(np.median([step.seconds for step in steps])) if steps else 0.0
+    steps = [step for step in steps if _is_usual(step.seconds, usual_s)]
     if len(steps) < LEAST_STEPS:
         reason = f"only {len(steps)} steps were seen whole; {LEAST_STEPS} are needed"
         return Gait(walks, refused(GROUP, NAMES, reason))
@@ -286,7 +290,7 @@ def _measures(motion: Motion, walks: tuple[Walk, ...], steps: list[_Step]) -> tu
     cadence_sd = cadence * time.deviation / time.value
     lengths = {s: np.array([t.length for t in steps if t.side == s]) for s in SIDES}
     widths = np.array([t.width for t in steps])
-    stance, stride_s, double = _phases(walks)
+    stance, stride_s, double = _phases(walks, 2 * float(np.median(seconds)))
     step_off, share_off = np.sqrt(2) * place_m, np.sqrt(2) * _EVENT_S / max(2 * time.value, 0.1) * 100.0
 
     def measure(name: str, side: str, values: Array, each: float, of: str, common: float = 0.0) -> Measure:
@@ -360,7 +364,12 @@ def _speeds(motion: Motion, walks: tuple[Walk, ...]) -> list[tuple[float, float]
     return out
 
 
-def _phases(walks: tuple[Walk, ...]) -> tuple[dict[str, Array], dict[str, Array], Array]:
+def _is_usual(seconds: float, usual_s: float) -> bool:
+    """Whether a step or stride takes about as long as usual; else one of its events is false."""
+    return abs(seconds - usual_s) <= _UNLIKE * usual_s
+
+
+def _phases(walks: tuple[Walk, ...], usual_s: float) -> tuple[dict[str, Array], dict[str, Array], Array]:
     """Stance as per cent of the stride and duration of strides, by side; double support, per cent."""
     stance: dict[str, list[float]] = {side: [] for side in SIDES}
     seconds: dict[str, list[float]] = {side: [] for side in SIDES}
@@ -371,7 +380,7 @@ def _phases(walks: tuple[Walk, ...]) -> tuple[dict[str, Array], dict[str, Array]
             other = [event for event in walk.events if event.side != side]
             for a, b in pairwise(own):
                 stride = b.strike - a.strike
-                if not 2 * _STEP_S[0] <= stride <= 2 * _STEP_S[1]:
+                if not _is_usual(stride, usual_s):
                     continue
                 seconds[side].append(stride)
                 if not np.isfinite(a.off):
