@@ -49,5 +49,5 @@ def depth_of(vertices: np.ndarray, body: Body | None = None) -> np.ndarray:
 def person_of(vertices: np.ndarray) -> PersonView:
     depth = depth_of(vertices)
     found = TrackedPerson(PERSON, "body_1", 1.0)
-    points, labels = CAMERA.back_project(depth), (depth > 0).astype(np.uint8)
-    return see_people(0, "camera", CAMERA, points, labels, [found]).persons[0]
+    labels = (depth > 0).astype(np.uint8)
+    return see_people(0, "camera", CAMERA, depth, labels, [found]).persons[0]

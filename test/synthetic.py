@@ -137,11 +137,9 @@ def to_people(*depths, stamp_ns=START_NS, camera=CAMERA, hidden=None):
         labels[np.isfinite(depth) & (depth == z)] = k + 1
     if hidden is not None:
         labels[hidden] = HIDDEN
-    z = np.where((labels > 0) & (labels != HIDDEN), z, np.nan)
-    v, u = np.mgrid[: camera.height, : camera.width]
-    points = np.stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z], axis=-1)
+    z = np.where((labels > 0) & (labels != HIDDEN), z, 0.0)
     found = [TrackedPerson(k + 1, f"body_{k + 1}", 1.0) for k in range(len(depths))]
-    return see_people(stamp_ns, "optical", camera, points.astype(np.float32), labels, found)
+    return see_people(stamp_ns, "optical", camera, z.astype(np.float32), labels, found)
 
 
 def to_person(depth, **seen):

@@ -22,7 +22,7 @@ from depth_pose import perception
 from depth_pose.bank import Bank
 from depth_pose.core.config import PipelineConfig, RefineConfig
 from depth_pose.core.types import DepthFrame
-from depth_pose.denoise.denoise import denoise_points
+from depth_pose.denoise.denoise import denoise_depth
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.match.tuning import MatchTuning
 from depth_pose.pipeline import PosePipeline
@@ -117,13 +117,13 @@ def timed_parts(pipeline: PosePipeline) -> Iterator[tuple[Timed, ...]]:
     """Time the finder, the joint net and the denoising of the first stage."""
     segmenter = pipeline.perception.segmenter
     finder, net = segmenter.candidates.finder, segmenter.joint_net
-    parts = Timed(finder.find), Timed(net.look), Timed(perception.denoise_points)
-    finder.find, net.look, perception.denoise_points = parts
+    parts = Timed(finder.find), Timed(net.look), Timed(perception.denoise_depth)
+    finder.find, net.look, perception.denoise_depth = parts
     try:
         yield parts
     finally:
         del finder.find, net.look
-        perception.denoise_points = denoise_points
+        perception.denoise_depth = denoise_depth
 
 
 def measure(pipeline: PosePipeline, frames: list[DepthFrame]) -> tuple[np.ndarray, np.ndarray]:

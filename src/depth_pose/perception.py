@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from depth_pose.core.mount import rotation_sensor_upright, up_direction
 from depth_pose.core.stamps import StampGuard, StampStep
 from depth_pose.core.types import HIDDEN, DepthFrame, TrackedPerson
 from depth_pose.core.zone import parse_zone
-from depth_pose.denoise.denoise import denoise_points
+from depth_pose.denoise.denoise import denoise_depth
 from depth_pose.denoise.tuning import DenoiseTuning
 from depth_pose.detect.floor import FloorFinder
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
@@ -103,9 +103,9 @@ class Perception:
         self.floor_finder.find(sample_frame())
         self.floor_finder.reset()
         camera = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
-        points = denoise_points(np.full((48, 64), 2.0, np.float32), camera, *self._denoise)
+        depth = denoise_depth(np.full((48, 64), 2.0, np.float32), camera, *self._denoise)
         found = TrackedPerson(1, "", 1.0)
-        see_people(0, "", camera, points, np.ones((48, 64), np.uint8), [found])
+        see_people(0, "", camera, depth, np.ones((48, 64), np.uint8), [found])
 
     def perceive(self, frame: DepthFrame) -> FramePeople:
         """Find people, denoise their points, assign ids, select among them, and prepare a view of each."""
@@ -115,11 +115,14 @@ class Perception:
         elif step is StampStep.SILENCE:
             self.segmenter.reset()
         seen = self.segmenter.segment(frame)
-        points = denoise_points(seen.depth, seen.camera, *self._denoise)
-        labels = np.where((seen.depth > 0) & np.isnan(points[..., 2]), np.uint8(HIDDEN), seen.labels)
+        depth = denoise_depth(seen.depth, seen.camera, *self._denoise)
+        labels = np.where((seen.depth > 0) & ~(depth > 0), np.uint8(HIDDEN), seen.labels)
         people = self._name(seen, labels, frame.stamp_ns)
-        floor = self._find_floor(frame, [points[labels == person.label] for person in people])
-        return see_people(frame.stamp_ns, frame.frame_id, seen.camera, points, labels, people, floor)
+        if self._is_floor_due(frame.stamp_ns):
+            points = seen.camera.back_project(depth)
+            self.floor_finder.update(frame, [points[labels == person.label] for person in people])
+        floor = NO_FLOOR if self.floor_finder.floor is None else self.floor_finder.floor.plane
+        return see_people(frame.stamp_ns, frame.frame_id, seen.camera, depth, labels, people, floor)
 
     def _name(self, seen: Segmentation, labels: NDArray[np.uint8], stamp_ns: int) -> list[TrackedPerson]:
         """Return the chosen people with their ids; count the others."""
@@ -142,10 +145,9 @@ class Perception:
             if name is not None
         ]
 
-    def _find_floor(self, frame: DepthFrame, people: Sequence[NDArray[np.float32]]) -> NDArray[np.float64]:
-        """Search for the floor once a second; return its plane (4,), `NO_FLOOR` where it is unknown."""
-        if self._searched_ns is None or frame.stamp_ns - self._searched_ns >= _FLOOR_EVERY_NS:
-            self._searched_ns = frame.stamp_ns
-            self.floor_finder.update(frame, people)
-        floor = self.floor_finder.floor
-        return NO_FLOOR if floor is None else floor.plane
+    def _is_floor_due(self, stamp_ns: int) -> bool:
+        """Check whether the floor is searched in this frame: once a second."""
+        if self._searched_ns is not None and stamp_ns - self._searched_ns < _FLOOR_EVERY_NS:
+            return False
+        self._searched_ns = stamp_ns
+        return True

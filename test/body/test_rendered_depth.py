@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 import synthetic as syn
-from depth_pose.body.rendered_depth import DepthComparer, Observation, observe
+from depth_pose.body.rendered_depth import DepthComparer, Observation
 from depth_pose.core import _raster_kernels as kernels
 from depth_pose.core.camera import Camera
 from depth_pose.core.open3d import load_open3d
-from depth_pose.core.types import BACKGROUND, PERSON, UNKNOWN
+from depth_pose.core.types import BACKGROUND, PERSON, UNKNOWN, TrackedPerson
+from depth_pose.track.person_view import see_people
 
 BAND = 0.12
 
@@ -110,9 +111,7 @@ def test_compare_twin():
 @pytest.fixture(scope="module")
 def scene():
     body = syn.posed(syn.arms_down())
-    people = syn.to_people(syn.draw(syn.mesh(body)))
-    depth = np.where(people.labels == PERSON, people.points[..., 2], np.float32(0))
-    return body, DepthComparer(observe(depth, people.labels, syn.CAMERA, 1, 0.35))
+    return body, DepthComparer(syn.to_person(syn.draw(syn.mesh(body))).full)
 
 
 def test_the_true_pose_scores_zero_and_others_more(scene):
@@ -147,6 +146,11 @@ def test_the_shift_brings_the_mesh_back(scene, off):
     assert np.linalg.norm((moved - body.vertices)[0]) < 0.6 * np.linalg.norm(off)
 
 
+def window_of(depth, labels, camera):
+    (person,) = see_people(0, "", camera, depth, labels, [TrackedPerson(PERSON, "body_1", 1.0)]).persons
+    return person.full
+
+
 @pytest.mark.parametrize("stride", [1, 2, 3])
 def test_a_windows_camera_sees_the_same_rays(stride):
     rng = np.random.default_rng(0)
@@ -154,7 +158,7 @@ def test_a_windows_camera_sees_the_same_rays(stride):
     labels[20:40, 30:44] = PERSON
     depth = np.where(labels == PERSON, rng.uniform(1.9, 2.1, labels.shape), 0.0).astype(np.float32)
     camera = Camera(80, 60, 70.0, 72.0, 39.0, 30.5)
-    window = observe(depth, labels, camera, stride, 0.2)
+    window = window_of(depth, labels, camera).strided(stride)
     h, w = window.depth.shape
     assert (window.camera.height, window.camera.width) == (h, w)
     assert (window.labels == PERSON).sum() == pytest.approx(280 / stride**2, rel=0.25)
@@ -169,6 +173,6 @@ def test_a_window_at_the_images_corner_has_no_negative_start():
     labels = np.zeros((60, 80), np.uint8)
     labels[0:10, 0:12] = PERSON
     depth = np.where(labels == PERSON, np.float32(2.0), np.float32(0.0))
-    window = observe(depth, labels, Camera(80, 60, 70.0, 70.0, 39.5, 29.5), 1, 0.35)
+    window = window_of(depth, labels, Camera(80, 60, 70.0, 70.0, 39.5, 29.5))
     assert (window.labels == PERSON).sum() == 120
     assert (window.camera.cx, window.camera.cy) == (39.5, 29.5)

@@ -18,8 +18,9 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.outputs import own_folder
 from depth_pose.io import schemas
 from depth_pose.io.mcap_write import DepthWriter
-from depth_pose.io.messages import write_camera_info, write_image, write_people
+from depth_pose.io.messages import write_camera_info, write_image
 from depth_pose.io.schemas import DEPTH_TOPIC
+from depth_pose.io.skeleton_cdr import write_people
 from depth_pose.io.skeleton_read import read_people
 from little_memory import little_memory
 from skeletons import make_skeleton

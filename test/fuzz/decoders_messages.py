@@ -22,9 +22,8 @@ from depth_pose.io.messages import (
     write_camera_info,
     write_image,
     write_message,
-    write_people,
-    write_skeleton,
 )
+from depth_pose.io.skeleton_cdr import write_people, write_skeleton
 
 CAMERA = Camera(32, 24, 30.0, 30.0, 15.5, 11.5)
 

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
 from decoders_messages import skeleton
-from depth_pose_msgs.msg import FittedArray, People, PoseMatchArray, SkeletonArray
+from depth_pose_msgs.msg import Packed, SkeletonArray
 from harness import Decoder
 from rclpy.serialization import deserialize_message, serialize_message
-from sensor_msgs.msg import PointCloud2
 
-from depth_pose.body.build import BuildSpace
 from depth_pose.body.pose import BodyPose, Fitted, FittedBody
 from depth_pose.body.procedural import make_body
 from depth_pose.core.camera import Camera
@@ -21,14 +18,11 @@ from depth_pose.core.errors import DepthPoseError
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import NODES, Source
 from depth_pose.core.types import BUILD_SIZE, Candidate, PoseMatch, TrackedPerson
+from depth_pose.io.skeleton_cdr import write_people
+from depth_pose.ros.messages.fits import fitted_to_msg, msg_to_fitted
 from depth_pose.ros.messages.matches import matches_to_msg, msg_to_matches
-from depth_pose.ros.messages.people import msgs_to_people, people_to_msgs
-from depth_pose.ros.messages.skeletons import (
-    fitted_to_msg,
-    msg_to_fitted,
-    msg_to_skeleton,
-    skeletons_to_msg,
-)
+from depth_pose.ros.messages.people import msg_to_people, people_to_msg
+from depth_pose.ros.messages.skeletons import msg_to_skeleton
 from depth_pose.track.person_view import see_people
 
 CAMERA = Camera(32, 24, 30.0, 30.0, 15.5, 11.5)
@@ -38,7 +32,7 @@ def everybody() -> Any:
     """Two people side by side."""
     labels = np.zeros((24, 32), np.uint8)
     labels[4:20, 3:12], labels[4:20, 18:28] = 1, 2
-    points = CAMERA.back_project(np.where(labels > 0, np.float32(2.0), np.float32(0.0)))
+    depth = np.where(labels > 0, np.float32(2.0), np.float32(0.0))
     rng = np.random.default_rng(0)
     found = [
         TrackedPerson(
@@ -49,12 +43,11 @@ def everybody() -> Any:
         )
         for n in (1, 2)
     ]
-    return see_people(7, "optical", CAMERA, points, labels, found)
+    return see_people(7, "optical", CAMERA, depth, labels, found)
 
 
 PEOPLE = everybody()
-SPACE = BuildSpace(make_body())
-POINTS, FOUND = people_to_msgs(PEOPLE)
+BODY = make_body()
 
 
 def matches() -> list[bytes]:
@@ -66,7 +59,7 @@ def matches() -> list[bytes]:
 
 def fitted() -> list[bytes]:
     """A fitted body for each of them."""
-    body, build = SPACE.template, np.full(BUILD_SIZE, 0.01, np.float32)
+    body, build = BODY, np.full(BUILD_SIZE, 0.01, np.float32)
     pose = BodyPose(np.tile(np.diag([1.0, -1.0, -1.0]), (len(NODES), 1, 1)), np.array([0.0, 0.0, 2.0]), 0.9)
     posed = body.pose(pose.rotations, pose.root, pose.scale)
     fit = FittedBody(pose, posed.vertices, posed.nodes)
@@ -76,7 +69,7 @@ def fitted() -> list[bytes]:
 
 def skeletons() -> list[bytes]:
     """Everybody's skeletons."""
-    return [serialize_message(skeletons_to_msg([skeleton(), skeleton(1)], 7, "optical"))]
+    return [write_people([skeleton(), skeleton(1)], 7, "optical")]
 
 
 def _reader(kind: type, convert: Callable[[Any], object]) -> Callable[[bytes], object]:
@@ -105,17 +98,10 @@ def _check_finite(answer: object) -> None:
 
 DECODERS = (
     Decoder(
-        "node_points",
-        lambda: [serialize_message(POINTS)],
-        _reader(PointCloud2, lambda m: msgs_to_people(m, FOUND)),
+        "node_people", lambda: [serialize_message(people_to_msg(PEOPLE))], _reader(Packed, msg_to_people)
     ),
-    Decoder(
-        "node_people",
-        lambda: [serialize_message(FOUND)],
-        _reader(People, lambda m: msgs_to_people(POINTS, m)),
-    ),
-    Decoder("node_matches", matches, _reader(PoseMatchArray, msg_to_matches)),
-    Decoder("node_fitted", fitted, _reader(FittedArray, partial(msg_to_fitted, space=SPACE))),
+    Decoder("node_matches", matches, _reader(Packed, lambda m: msg_to_matches(m)[1])),
+    Decoder("node_fitted", fitted, _reader(Packed, lambda m: msg_to_fitted(m, len(BODY.vertices))[1])),
     Decoder(
         "node_skeletons",
         skeletons,

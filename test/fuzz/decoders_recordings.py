@@ -19,8 +19,8 @@ from depth_pose.core.errors import InputError
 from depth_pose.io import schemas
 from depth_pose.io.image_options import ImageOptions
 from depth_pose.io.mcap_read import DepthReader
-from depth_pose.io.messages import write_people, write_skeleton
 from depth_pose.io.recording import Recording, read_metadata, read_span
+from depth_pose.io.skeleton_cdr import write_people, write_skeleton
 from depth_pose.io.skeleton_read import read_people, read_skeletons
 
 IMAGE, INFO = "/d/image", "/d/camera_info"

@@ -104,9 +104,9 @@ def node_of(name):
 
 INPUTS = {
     "denoise": ("image",),
-    "matcher": ("points", "people"),
-    "refine": ("points", "people", "match"),
-    "recovery": ("points", "people", "skeletons_refined"),
+    "matcher": ("people",),
+    "refine": ("match",),
+    "recovery": ("skeletons_refined",),
 }
 
 

@@ -433,7 +433,7 @@ def test_skeletons_of_a_database(tmp_path: Path, has_definitions: bool) -> None:
     """Also of one by a ROS before definitions were written with the messages."""
     from test_mcap import _skeleton
 
-    from depth_pose.io.messages import write_people, write_skeleton
+    from depth_pose.io.skeleton_cdr import write_people, write_skeleton
 
     with Writer2(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
         for topic, kind, data in (

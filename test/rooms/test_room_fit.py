@@ -60,7 +60,7 @@ def see(bank, pose, T_room_camera, bodies, way=STILL, proposals=False):
         sigma = np.full((len(joints), 2), 0.05, np.float32)
         measured = JointMeasurement(joints, sigma, np.ones(len(joints), np.float32))
         found = TrackedPerson(PERSON, "body_1", 1.0, measured)
-    (person,) = see_people(0, "", CAMERA, CAMERA.back_project(depth), labels, [found]).persons
+    (person,) = see_people(0, "", CAMERA, depth, labels, [found]).persons
     return view_at(person, bodies.target(person), T_room_camera, way)
 
 

@@ -49,10 +49,14 @@ def turns(stamps):
 
 def frame_messages(bank):
     """Return the last of four frames, and its messages by topic as the stages make them."""
+    from depth_pose_msgs.msg import SkeletonArray
+    from rclpy.serialization import deserialize_message
+
+    from depth_pose.io.skeleton_cdr import write_people
     from depth_pose.pipeline import PosePipeline
+    from depth_pose.ros.messages.fits import fitted_to_msg
     from depth_pose.ros.messages.matches import matches_to_msg
-    from depth_pose.ros.messages.people import people_to_msgs
-    from depth_pose.ros.messages.skeletons import fitted_to_msg, skeletons_to_msg
+    from depth_pose.ros.messages.people import people_to_cloud, people_to_msg
 
     stages = PosePipeline(bank)
     for frame in frames(4):
@@ -61,11 +65,11 @@ def frame_messages(bank):
         fitted = stages.refiner.refine(people, matches)
         skeletons = stages.recoverer.recover(people, fitted)
     assert skeletons
-    points, found = people_to_msgs(people)
+    data = write_people(skeletons, frame.stamp_ns, frame.frame_id)
     return frame, {
-        "points": points,
-        "people": found,
+        "points": people_to_cloud(people),
+        "people": people_to_msg(people),
         "match": matches_to_msg(matches, people),
         "skeletons_refined": fitted_to_msg(fitted, people),
-        "skeletons": skeletons_to_msg(skeletons, frame.stamp_ns, frame.frame_id),
+        "skeletons": deserialize_message(data, SkeletonArray),
     }

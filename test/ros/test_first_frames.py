@@ -7,7 +7,7 @@ import struct
 import numpy as np
 import pytest
 import scene
-from depth_pose_msgs.msg import FittedArray, People, PoseMatchArray
+from depth_pose_msgs.msg import Packed
 from peer import HERE, LIMIT_S
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2, PointField
@@ -16,9 +16,9 @@ from test_denoise_node import image_msg, info_msg
 from depth_pose.core.types import DepthFrame
 from depth_pose.pipeline import PosePipeline
 from depth_pose.ros.messages.basics import make_header
+from depth_pose.ros.messages.fits import fitted_to_msg
 from depth_pose.ros.messages.matches import matches_to_msg
-from depth_pose.ros.messages.people import people_to_msgs
-from depth_pose.ros.messages.skeletons import fitted_to_msg
+from depth_pose.ros.messages.people import people_to_msg
 
 FRAMES = 12
 """Of which the last few are those of a person whose legs are outside of the image."""
@@ -76,17 +76,15 @@ def messages(bank):
         frame = whole if number < FRAMES - 4 else lowered(whole)
         result = pipeline.process_frame(frame)
         assert result.skeletons
-        points, people = people_to_msgs(result.people)
         matches = matches_to_msg(result.matches, result.people)
         fitted = fitted_to_msg(result.refined, result.people)
         infos.append(info_msg(frame))
         taken["denoise"].append([(Image, image_msg(frame))])
         taken["compressed"].append([(CompressedImage, rvl_msg(frame))])
         taken["cloud"].append([(PointCloud2, cloud_msg(frame))])
-        both = [(PointCloud2, points), (People, people)]
-        taken["matcher"].append(both)
-        taken["refine"].append([*both, (PoseMatchArray, matches)])
-        taken["recovery"].append([*both, (FittedArray, fitted)])
+        taken["matcher"].append([(Packed, people_to_msg(result.people))])
+        taken["refine"].append([(Packed, matches)])
+        taken["recovery"].append([(Packed, fitted)])
     return infos, taken
 
 

@@ -21,10 +21,11 @@ from visualization_msgs.msg import MarkerArray
 from depth_pose.core.camera import Camera
 from depth_pose.core.rotations import rotation_z
 from depth_pose.core.skeleton import JOINT_NODES, rest_nodes
+from depth_pose.io.skeleton_cdr import write_people
 from depth_pose.rooms.rig import T_WORLD_ROOM, RigCamera
 from depth_pose.rooms.rigfile import save_rig
 from depth_pose.ros.messages.basics import ns_to_stamp, stamp_to_ns
-from depth_pose.ros.messages.skeletons import msg_to_skeleton, skeletons_to_msg
+from depth_pose.ros.messages.skeletons import msg_to_skeleton
 from depth_pose.ros.transport.tf import LATCHED, stamped
 from skeletons import make_skeleton
 
@@ -88,7 +89,7 @@ class Cameras:
             )
             for i, (place, shift) in enumerate(zip(self.people(stamp_ns * 1e-9), noise, strict=True))
         ]
-        self.outputs[camera].publish(skeletons_to_msg(shown, stamp_ns, f"{NAMES[camera]}_optical"))
+        self.outputs[camera].publish(write_people(shown, stamp_ns, f"{NAMES[camera]}_optical"))
 
     @property
     def now_ns(self):
@@ -208,7 +209,7 @@ def test_places_by_tf_static_pause_and_bad_input(peer, start):
         (t.header.frame_id, t.child_frame_id) for m in frames[-4:] for t in m.transforms
     }
 
-    bad = skeletons_to_msg([make_skeleton(np.full((19, 3), np.nan))], cameras.now_ns, "cam_a_optical")
+    bad = write_people([make_skeleton(np.full((19, 3), np.nan))], cameras.now_ns, "cam_a_optical")
     cameras.outputs[0].publish(bad)
     cameras.play(cameras.says("dropped, bad input: /left/skeletons"), what="the drop")
     assert bring(False, ["fusion"]) == {"fusion": "inactive"}

@@ -6,42 +6,30 @@ from functools import partial
 import numpy as np
 import pytest
 import scene
-from depth_pose_msgs.msg import (
-    FittedArray,
-    JointMeasurement,
-    People,
-    PoseMatchArray,
-    Skeleton,
-    SkeletonArray,
-    TrackedPerson,
-)
+from depth_pose_msgs.msg import Packed, SkeletonArray
 from diagnostic_msgs.msg import DiagnosticArray
 from hri_msgs.msg import IdsList
 from peer import HEARING, RELIABLE, SENSOR
 from rclpy.serialization import deserialize_message, serialize_message
-from sensor_msgs.msg import PointCloud2
 
-from depth_pose.body.build import BuildSpace
 from depth_pose.core.errors import InputError
+from depth_pose.core.packing import pack, unpack
 from depth_pose.ros.messages.basics import make_header, stamp_to_ns
-from depth_pose.ros.messages.matches import msg_to_matches
-from depth_pose.ros.messages.people import msgs_to_people
-from depth_pose.ros.messages.skeletons import msg_to_fitted
+from depth_pose.ros.messages.fits import FIT_KINDS, msg_to_fitted
+from depth_pose.ros.messages.matches import MATCH_KINDS, msg_to_matches
+from depth_pose.ros.messages.people import msg_to_people
+from depth_pose.track.packed_people import PEOPLE_KINDS
 
 START_NS = scene.START_NS + 10**12
-KINDS = {
-    "points": PointCloud2,
-    "people": People,
-    "match": PoseMatchArray,
-    "skeletons_refined": FittedArray,
-    "skeletons": SkeletonArray,
-}
-INPUTS = {
-    "matcher": ("points", "people"),
-    "refine": ("points", "people", "match"),
-    "recovery": ("points", "people", "skeletons_refined"),
-}
+INPUTS = {"matcher": "people", "refine": "match", "recovery": "skeletons_refined"}
 OUTPUTS = {"matcher": "match", "refine": "skeletons_refined", "recovery": "skeletons"}
+KINDS = {
+    "people": PEOPLE_KINDS,
+    "match": (*PEOPLE_KINDS, *MATCH_KINDS),
+    "skeletons_refined": (*PEOPLE_KINDS, *FIT_KINDS),
+}
+FRAME, RECORDS, DEPTHS, LABELS, MORE, DATA = range(6)
+"""The arrays of a message; the last two are matches and their candidates, or fits and their vertices."""
 
 
 @pytest.fixture(scope="module")
@@ -50,127 +38,118 @@ def valid(bank):
     return scene.frame_messages(bank)[1]
 
 
-def first(messages, topic):
-    return next(getattr(messages[topic], n)[0] for n in ("people", "matches", "skeletons") if hasattr(
-        messages[topic], n))  # fmt: skip
+def of_first(array, **values):
+    """Change fields of an array's first record."""
 
-
-def named(topic, body_id):
-    def change(messages):
-        first(messages, topic).body_id = body_id
-
-    return change
-
-
-def twice(topic, name):
-    def change(messages):
-        setattr(messages[topic], name, 2 * list(getattr(messages[topic], name)))
-
-    return change
-
-
-def crowd(messages):
-    messages["people"].people = [TrackedPerson(label=i % 256, body_id=f"body_{i}") for i in range(10_000)]
-
-
-def crowd_of_skeletons(messages):
-    messages["skeletons_refined"].skeletons = [Skeleton(body_id=f"body_{i}") for i in range(10_000)]
-    messages["skeletons_refined"].scores = 10_000 * [0.5]
-
-
-def set_first(topic, **values):
-    def change(messages):
+    def change(arrays):
         for name, value in values.items():
-            setattr(first(messages, topic), name, value)
+            arrays[array][name][0] = value
 
     return change
 
 
-def measured(**values):
-    def change(messages):
-        first(messages, "people").measured = [JointMeasurement(**values)]
+def twice(array):
+    def change(arrays):
+        arrays[array] = np.repeat(arrays[array], 2)
 
     return change
 
 
-def odd_joint(messages):
-    first(messages, "skeletons_refined").joints[3].position.x = math.nan
+def crowd(array):
+    def change(arrays):
+        arrays[array] = np.repeat(arrays[array], 10_000)
+        arrays[array]["body_id"] = [f"body_{i}".encode() for i in range(len(arrays[array]))]
+
+    return change
 
 
-def odd_turn(messages):
-    candidate = first(messages, "match").candidates[0]
-    candidate.transform.rotation.x = candidate.transform.rotation.w = 0.0
-    candidate.transform.rotation.y = candidate.transform.rotation.z = 0.0
+def at_first(array, value):
+    def change(arrays):
+        arrays[array][0] = value
+
+    return change
 
 
-def odd_fields(messages):
-    messages["points"].fields[3].name = "intensity"
+def odd_depth(arrays):
+    arrays[DEPTHS][np.flatnonzero(arrays[LABELS] == 1)[0]] = math.nan
 
 
-def cut_points(messages):
-    messages["points"].data = messages["points"].data[:-16]
+def moved_window(arrays):
+    arrays[RECORDS]["box"][0, :2] = -1
 
 
-def odd_grid(messages):
-    messages["people"].fx = math.nan
+def cut(array):
+    def change(arrays):
+        arrays[array] = arrays[array][:-9]
+
+    return change
 
 
 PEOPLE = {
-    "a/b": (named("people", "a/b"), "have the id 'a/b'; an id is of letters"),
-    "a b": (named("people", "a b"), "have the id 'a b'"),
-    "no id": (named("people", ""), "have the id ''"),
-    "ümläut": (named("people", "ümläut"), "have the id 'ümläut'"),
-    "long": (named("people", "x" * 100_000), "have the id 'xxx"),
-    "twice": (twice("people", "people"), "the people have 'body_1' twice"),
-    "crowd": (crowd, "of 10000 people; at most 255"),
-    "nan": (measured(places=np.full(57, math.nan, "f4")), "a measured joint of body_1 has the number nan"),
-    "heels": (measured(heels=[0.0] * 7), "has 7 numbers of heels"),
-    "sides": (measured(sides=math.nan), "the sides of body_1 is nan"),
-    "grid": (odd_grid, "focal lengths nan"),
-    "fields": (odd_fields, "intensity at 12"),
-    "cut": (cut_points, "bytes of data, not"),
+    "a/b": (of_first(RECORDS, body_id="a/b"), "have the id 'a/b'; an id is of letters"),
+    "a b": (of_first(RECORDS, body_id="a b"), "have the id 'a b'"),
+    "no id": (of_first(RECORDS, body_id=""), "have the id ''"),
+    "ümläut": (of_first(RECORDS, body_id="ümläut".encode()), "have the id 'ümläut'"),
+    "no text": (of_first(RECORDS, body_id=b"\xff"), "have the id"),
+    "twice": (twice(RECORDS), "the people have 'body_1' twice"),
+    "crowd": (crowd(RECORDS), "of 10000 people; at most 255"),
+    "nan": (of_first(RECORDS, places=math.nan), "a measured joint has the number nan"),
+    "heels": (of_first(RECORDS, heel_count=7), "has 7 heels"),
+    "sides": (of_first(RECORDS, sides=math.nan), "the sides of a measurement has the confidence nan"),
+    "grid": (of_first(FRAME, grid=math.nan), "the camera has the number nan"),
+    "window": (of_first(RECORDS, box=(0, 0, 999, 10)), "the windows have"),
+    "moved window": (moved_window, "a window of"),
+    "empty window": (of_first(RECORDS, box=(0, 0, 0, 0)), "the windows have"),
+    "depth": (odd_depth, "points within 1000 m"),
+    "label": (at_first(LABELS, 99), "points within 1000 m"),
+    "cut": (cut(LABELS), "the windows have"),
 }
 MATCHES = {
-    "match a/b": (named("match", "a/b"), "the matches have the id 'a/b'"),
-    "match twice": (twice("match", "matches"), "the matches have 'body_1' twice"),
-    "match nan": (set_first("match", scale=math.nan), "the scale of body_1 is nan"),
-    "match turn": (odd_turn, "no quaternion"),
+    "match a/b": (of_first(MORE, body_id="a/b"), "the matches have the id 'a/b'"),
+    "match twice": (twice(MORE), "the matches have 'body_1' twice"),
+    "match nan": (of_first(MORE, scale=math.nan), "the scale of body_1 is nan"),
+    "match count": (of_first(MORE, count=77), "candidates, not 77"),
+    "match turn": (of_first(DATA, rotation=0.0), "no rotation"),
 }
 FITTED = {
-    "fitted a/b": (named("skeletons_refined", "a/b"), "the skeletons have the id 'a/b'"),
-    "fitted joint": (odd_joint, "a joint of body_1 has the number nan"),
-    "fitted source": (set_first("skeletons_refined", source=99), "the skeleton's source is 99"),
-    "fitted twice": (twice("skeletons_refined", "skeletons"), "2 skeletons"),
-    "fitted crowd": (crowd_of_skeletons, "of 10000 people; at most 255"),
+    "fitted a/b": (of_first(MORE, body_id="a/b"), "the fits have the id 'a/b'"),
+    "fitted joint": (of_first(MORE, nodes=math.nan), "nodes of a fit has the number nan"),
+    "fitted source": (of_first(MORE, source=99), "the source of a fit is 99"),
+    "fitted twice": (twice(MORE), "the fits have 'body_1' twice"),
+    "fitted crowd": (crowd(MORE), "of 10000 people; at most 255"),
+    "fitted skin": (at_first(DATA, math.inf), "a vertex has the number inf"),
 }
-CASES = {"matcher": PEOPLE, "refine": PEOPLE | MATCHES, "recovery": PEOPLE | FITTED}
+CASES = {
+    "matcher": ("people", PEOPLE),
+    "refine": ("match", PEOPLE | MATCHES),
+    "recovery": ("skeletons_refined", PEOPLE | FITTED),
+}
 
 
-def changed(valid, topics, change, stamp_ns):
-    """Copies of a frame's messages, changed, of another stamp."""
-    messages = {t: deserialize_message(serialize_message(valid[t]), KINDS[t]) for t in topics}
-    for message in messages.values():
-        for part in (message, *getattr(message, "skeletons", ())):
-            part.header.stamp = make_header(stamp_ns, "").stamp
+def changed(valid, topic, change, stamp_ns):
+    """Copy of a frame's message, changed, of another stamp."""
+    message = deserialize_message(serialize_message(valid[topic]), Packed)
+    message.header.stamp = make_header(stamp_ns, "").stamp
     if change is not None:
-        change(messages)
-    return messages
+        arrays = unpack(bytes(message.data), KINDS[topic])
+        change(arrays)
+        message.data = pack(arrays)
+    return message
 
 
-@pytest.fixture(scope="module")
-def space(body):
-    return BuildSpace(body)
+def refused(name):
+    """Every case of one node."""
+    return [(CASES[name][0], what) for what in CASES[name][1]]
 
 
-@pytest.mark.parametrize("name", PEOPLE | MATCHES | FITTED)
-def test_each_is_refused_with_a_clear_message(valid, space, name):
+@pytest.mark.parametrize(("topic", "name"), [case for node in CASES for case in refused(node)])
+def test_each_is_refused_with_a_clear_message(valid, body, topic, name):
     change, says = (PEOPLE | MATCHES | FITTED)[name]
-    messages = changed(valid, KINDS, change, START_NS)
-    with pytest.raises(InputError) as refused:
-        msgs_to_people(messages["points"], messages["people"])
-        msg_to_matches(messages["match"])
-        msg_to_fitted(messages["skeletons_refined"], space)
-    assert says in str(refused.value) and len(str(refused.value)) < 300
+    read = {"people": msg_to_people, "match": msg_to_matches}
+    message = changed(valid, topic, change, START_NS)
+    with pytest.raises(InputError) as refusal:
+        read.get(topic, partial(msg_to_fitted, vertices=len(body.vertices)))(message)
+    assert says in str(refusal.value) and len(str(refusal.value)) < 300
 
 
 class Node:
@@ -182,9 +161,10 @@ class Node:
         given += ["-p", "rep155:=true", "-p", "tf:=true"] if name == "recovery" else []
         self.process = start("-m", f"depth_pose.ros.nodes.{name}_node", "--ros-args", *given)
         self.process.wait_for("is ready", 240.0)
-        self.answers = peer.listen(KINDS[OUTPUTS[name]], f"/depth_pose/{OUTPUTS[name]}", HEARING)
+        kind = SkeletonArray if name == "recovery" else Packed
+        self.answers = peer.listen(kind, f"/depth_pose/{OUTPUTS[name]}", HEARING)
         self.told = peer.listen(DiagnosticArray, "/diagnostics", RELIABLE)
-        self.out = {t: peer.publisher(KINDS[t], f"/depth_pose/{t}", SENSOR) for t in INPUTS[name]}
+        self.out = peer.publisher(Packed, f"/depth_pose/{INPUTS[name]}", SENSOR)
         peer.until(lambda: self.told_of("listeners") > 0, what="its word that this test listens")
 
     def told_of(self, what):
@@ -198,8 +178,7 @@ class Node:
         """Send a frame of the next stamp; gives it."""
         self.number += 1
         stamp_ns = START_NS + 40_000_000 * self.number
-        for topic, message in changed(valid, INPUTS[self.name], change, stamp_ns).items():
-            self.out[topic].publish(message)
+        self.out.publish(changed(valid, INPUTS[self.name], change, stamp_ns))
         return stamp_ns
 
     def is_answered(self, stamp_ns):
@@ -218,7 +197,7 @@ class Node:
 
 @pytest.mark.parametrize("name", INPUTS)
 def test_a_live_node_counts_and_survives_them(name, valid, start, peer, bank_path):
-    node, cases = Node(name, start, peer, bank_path), CASES[name]
+    node, cases = Node(name, start, peer, bank_path), CASES[name][1]
     node.answer(valid)
     peer.spin(1.0)  # what was sent twice
     node.answers.clear()
@@ -247,9 +226,9 @@ def test_only_names_that_topics_can_have_are_tracked(valid, start, peer, bank_pa
     node.answer(valid)
     peer.ask(partial(node.send, valid), lambda: any(m.ids for m in tracked), what="somebody tracked")
 
-    def both(messages):
-        for topic in ("people", "skeletons_refined"):
-            named(topic, "a/../b c")(messages)
+    def both(arrays):
+        for array in (RECORDS, MORE):
+            arrays[array]["body_id"][0] = "a/../b c"
 
     peer.ask(partial(node.send, valid, both), lambda: node.dropped("bad input") > 0, what="the drop")
     assert {i for m in tracked for i in m.ids} == {"b1"}

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 import scene
-from depth_pose_msgs.msg import People, PoseMatchArray, Skeleton, SkeletonArray
+from depth_pose_msgs.msg import Packed, Skeleton, SkeletonArray
 from diagnostic_msgs.msg import DiagnosticArray
 from peer import LIMIT_S
-from sensor_msgs.msg import PointCloud2
 
 from depth_pose.bank import Bank
 from depth_pose.core.config import DenoiseConfig, PipelineConfig, RecoverConfig, SegmentConfig
@@ -17,7 +16,6 @@ from depth_pose.perception import Perception
 from depth_pose.pipeline import PosePipeline
 from depth_pose.ros.messages.basics import stamp_to_ns
 from depth_pose.ros.messages.matches import matches_to_msg, msg_to_matches
-from depth_pose.ros.messages.people import people_to_msgs
 from depth_pose.ros.messages.skeletons import msg_to_skeleton
 from depth_pose.ros.process.supervisor import Suite
 from depth_pose.ros.tools.bag import play
@@ -58,7 +56,7 @@ def test_live_equals_offline(tmp_path, bank_path, peer):
         told = peer.listen(DiagnosticArray, "/diagnostics", 200)
         skeletons = peer.listen(Skeleton, "/depth_pose/skeleton", 200)
         everybody = peer.listen(SkeletonArray, "/depth_pose/skeletons", 200)
-        matches = peer.listen(PoseMatchArray, "/depth_pose/match", 200)
+        matches = peer.listen(Packed, "/depth_pose/match", 200)
         # a publisher finds its subscribers first: the nodes tell how many listen to them
         wanted = {"matcher": 2, "recovery": 1}
         peer.until(lambda: wanted.items() <= listeners(told).items(), what="this test as a listener")
@@ -72,7 +70,7 @@ def test_live_equals_offline(tmp_path, bank_path, peer):
         peer.until(lambda: min(map(len, (skeletons, everybody, matches))) >= FRAMES, what=said)
         assert suite.stop() == dict.fromkeys(("denoise", "matcher", "refine", "recovery"), 0)
     for message, want in zip(matches, expected, strict=True):
-        for got, match in zip(msg_to_matches(message), want.matches, strict=True):
+        for got, match in zip(msg_to_matches(message)[1], want.matches, strict=True):
             assert (got.body_id, got.bank_id) == (match.body_id, match.bank_id)
             assert got.scale == pytest.approx(match.scale, abs=1e-5)
             assert [c.exemplar for c in got.candidates] == [c.exemplar for c in match.candidates]
@@ -86,14 +84,11 @@ def test_live_equals_offline(tmp_path, bank_path, peer):
 def test_frames_matched_with_another_bank_are_dropped(start, bank_path, peer):
     process = start("-m", "depth_pose.ros.nodes.refine_node", "--ros-args", "-p", f"bank:={bank_path}")
     process.wait_for("is ready")
-    clouds = peer.publisher(PointCloud2, "/depth_pose/points")
-    found = peer.publisher(People, "/depth_pose/people")
-    matches = peer.publisher(PoseMatchArray, "/depth_pose/match")
+    matches = peer.publisher(Packed, "/depth_pose/match")
     people = Perception(SegmentConfig(), DenoiseConfig()).perceive(next(scene.frames(1)))
-    points, who = people_to_msgs(people)
     foreign = matches_to_msg([Match(p.body_id, "foreign", 1.0, ()) for p in people.persons], people)
     peer.ask(
-        lambda: (clouds.publish(points), found.publish(who), matches.publish(foreign)),
+        lambda: matches.publish(foreign),
         lambda: "dropped, other bank" in process.output,
         what=lambda: f"the drop:\n{process.output}\nit",
     )

@@ -6,12 +6,12 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import scene
-from depth_pose_msgs.msg import FittedArray, People, SkeletonArray
+from depth_pose_msgs.msg import Packed, SkeletonArray
 from geometry_msgs.msg import PoseStamped
 from hri_msgs.msg import IdsList, Skeleton2D
 from peer import LIMIT_S, RELIABLE
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from sensor_msgs.msg import CameraInfo, Image, Imu, JointState, PointCloud2
+from sensor_msgs.msg import CameraInfo, Image, Imu, JointState
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
@@ -20,8 +20,8 @@ from depth_pose.core.rotations import quat_to_matrix, rotation_x
 from depth_pose.core.skeleton import JOINTS as OURS
 from depth_pose.pipeline import PosePipeline
 from depth_pose.ros.messages.basics import make_header, stamp_to_ns
-from depth_pose.ros.messages.people import people_to_msgs
-from depth_pose.ros.messages.skeletons import fitted_to_msg, msg_to_skeleton
+from depth_pose.ros.messages.fits import fitted_to_msg
+from depth_pose.ros.messages.skeletons import msg_to_skeleton
 from depth_pose.ros.transport.tf import stamped
 from depth_pose.track.label_image import person_number
 
@@ -51,19 +51,10 @@ class Inputs:
 
     def __init__(self, peer):
         self.peer, self.rounds = peer, 0
-        self._out = [
-            peer.publisher(kind, f"/depth_pose/{name}")
-            for kind, name in (
-                (PointCloud2, "points"),
-                (People, "people"),
-                (FittedArray, "skeletons_refined"),
-            )
-        ]
+        self._out = peer.publisher(Packed, "/depth_pose/skeletons_refined")
 
     def send(self, people, fitted):
-        points, found = people_to_msgs(people)
-        for publisher, message in zip(self._out, (points, found, fitted_to_msg(fitted, people)), strict=True):
-            publisher.publish(message)
+        self._out.publish(fitted_to_msg(fitted, people))
 
     def play(self, fitted):
         """Send frames; each time it is called a little later, as a recording that goes on."""

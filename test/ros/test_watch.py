@@ -12,8 +12,8 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import CameraInfo, Image
 
+from depth_pose.io.skeleton_cdr import write_people
 from depth_pose.ros.messages.basics import make_header
-from depth_pose.ros.messages.skeletons import skeletons_to_msg
 from depth_pose.ros.tools.watch import Watch
 from skeletons import make_skeleton
 
@@ -80,7 +80,7 @@ def test_depth_is_shown_with_the_skeletons_of_its_stamp(watch, peer):
             images.publish(message)
             peer.spin(0.1)
             assert watch.newest() is None, "once there are skeletons, depth waits for them"
-        answer = skeletons_to_msg([skeleton(stamp)], stamp, "optical")
+        answer = write_people([skeleton(stamp)], stamp, "optical")
         # (the image again, for it may have been lost)
         shown = ask(
             lambda message=message: images.publish(message), lambda answer=answer: people.publish(answer)

@@ -31,8 +31,8 @@ def scene(
 def found(depth: np.ndarray, labels: np.ndarray) -> tuple[DepthFrame, FramePeople]:
     person = TrackedPerson(1, "a", 1.0)
     who = [person] if labels.any() else []
-    points = CAMERA.back_project(np.where(labels > 0, depth, np.float32(0)))
-    return DepthFrame(0, "a", depth, CAMERA), see_people(0, "a", CAMERA, points, labels, who)
+    own = np.where(labels > 0, depth, np.float32(0))
+    return DepthFrame(0, "a", depth, CAMERA), see_people(0, "a", CAMERA, own, labels, who)
 
 
 def doubt(depth: np.ndarray, labels: np.ndarray, frames: int = 16) -> str:

@@ -39,25 +39,13 @@ class Observation(NamedTuple):
     labels: NDArray[np.uint8]
     camera: Camera
 
-
-def observe(
-    depth: NDArray[np.float32], labels: NDArray[np.uint8], camera: Camera, stride: int, margin_m: float
-) -> Observation:
-    """Sample every ``stride``-th pixel of a window around the person, with a margin in metres."""
-    box = np.empty(4, np.int64)
-    distance = kernels.person_box(depth, labels, box)
-    first_row, last_row, first_column, last_column = box.tolist()
-    margin = round(margin_m * camera.fx / distance)
-    top, left = max(0, first_row - margin), max(0, first_column - margin)
-    bottom = min(camera.height, last_row + margin + 1)
-    right = min(camera.width, last_column + margin + 1)
-    window = (slice(top, bottom, stride), slice(left, right, stride))
-    part = np.ascontiguousarray(depth[window])
-    return Observation(
-        depth=part,
-        labels=np.ascontiguousarray(labels[window]),
-        camera=camera.cropped(left, top, right - left, bottom - top).strided(stride),
-    )
+    def strided(self, step: int) -> Observation:
+        """Return the image of every ``step``-th pixel, beginning with the first."""
+        return Observation(
+            np.ascontiguousarray(self.depth[::step, ::step]),
+            np.ascontiguousarray(self.labels[::step, ::step]),
+            self.camera.strided(step),
+        )
 
 
 def nearest_person_pixels(observation: Observation) -> NDArray[np.int32]:

@@ -85,21 +85,6 @@ def rasterize(vertices, faces, camera, zbuffer):
 
 
 @njit(cache=True)
-def person_box(depth, labels, box):
-    """First and last row and column of the person, written to ``box``; returns their mean depth."""
-    total, count = 0.0, 0
-    box[0], box[1], box[2], box[3] = labels.shape[0], -1, labels.shape[1], -1
-    for i in range(labels.shape[0]):
-        for j in range(labels.shape[1]):
-            if labels[i, j] == 1:
-                box[0], box[1] = min(box[0], i), max(box[1], i)
-                box[2], box[3] = min(box[2], j), max(box[3], j)
-                total += depth[i, j]
-                count += 1
-    return total / max(count, 1)
-
-
-@njit(cache=True)
 def compare(zbuffer, depth, labels, band, out):
     """Rendered-depth score: mean of min(|dz|, band) / band over the union of the silhouettes.
 

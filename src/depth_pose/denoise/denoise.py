@@ -34,33 +34,6 @@ from depth_pose.denoise import _denoise_kernels as kernels
 from depth_pose.denoise.tuning import DenoiseTuning
 
 
-def denoise_points(
-    depth: NDArray[np.float32],
-    camera: Camera,
-    config: DenoiseConfig,
-    tuning: DenoiseTuning = DenoiseTuning(),
-) -> NDArray[np.float32]:
-    """Return people's points, denoised along their viewing rays (Ye et al. eqs. 2 and 4).
-
-    Parameters
-    ----------
-    depth : (h, w) float32
-        Depth of people's pixels, metres; 0 elsewhere.
-    camera : Camera
-        Camera of the grid.
-    config : DenoiseConfig
-    tuning : DenoiseTuning
-
-    Returns
-    -------
-    (h, w, 3) float32
-        Camera frame, metres; NaN where there was no depth and where a point was an outlier.
-    """
-    # Ye et al. eq. 2: x and y follow the depth along the pixel's ray
-    # Ye et al. eq. 4: also in further iterations, if `denoise.iterations` is above 1
-    return camera.back_project(denoise_depth(depth, camera, config, tuning))
-
-
 def denoise_depth(
     depth: NDArray[np.float32],
     camera: Camera,
@@ -83,6 +56,7 @@ def denoise_depth(
     (h, w) float32
         Projected depth, metres; 0 where there was none and where a point was an outlier.
     """
+    # Ye et al. eqs. 2 and 4: x and y follow the depth along the pixel's ray, so depth is all that moves
     h, step = tuning.support_radius, kernels.step_of(depth, tuning.support_radius, camera.fx)
     projected = depth
     for k in range(config.iterations):

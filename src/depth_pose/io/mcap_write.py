@@ -20,8 +20,9 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.outputs import NewFile
 from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.io import markers, schemas
-from depth_pose.io.messages import write_camera_info, write_image, write_people, write_skeleton
+from depth_pose.io.messages import write_camera_info, write_image
 from depth_pose.io.schemas import DEPTH_TOPIC, PEOPLE_TOPIC, SKELETON_TOPIC
+from depth_pose.io.skeleton_cdr import write_people, write_skeleton
 
 _Writer = TypeVar("_Writer", bound="RecordingWriter")
 

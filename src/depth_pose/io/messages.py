@@ -6,7 +6,6 @@ rosbags converts the bytes, by the definitions of `depth_pose.io.schemas`: for a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -20,7 +19,7 @@ from rosbags.typesys.store import Typestore
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointState, Source, Tracking
-from depth_pose.core.types import BUILD_SIZE, Skeleton, six_numbers, symmetric
+from depth_pose.core.types import BUILD_SIZE, Skeleton, symmetric
 from depth_pose.io import schemas
 
 _MOST_SKELETON_BYTES = 4 << 20
@@ -197,52 +196,6 @@ def _tracking_of(m: Any) -> Tracking:
     if number not in tuple(Tracking):
         raise InputError(f"Skeleton: tracking is {number}; it must be one of 0 to {max(Tracking)}")
     return Tracking(number)
-
-
-def write_skeleton(skeleton: Skeleton) -> bytes:
-    """Encode a Skeleton."""
-    fields = skeleton_fields(skeleton)
-    return write_message(schemas.SKELETON, skeleton.stamp_ns, skeleton.frame_id, **fields)
-
-
-def write_people(skeletons: Sequence[Skeleton], stamp_ns: int, frame_id: str) -> bytes:
-    """Encode a SkeletonArray."""
-    messages = [
-        make(schemas.SKELETON, make_header(s.stamp_ns, s.frame_id), **skeleton_fields(s)) for s in skeletons
-    ]
-    return write_message(schemas.SKELETON_ARRAY, stamp_ns, frame_id, skeletons=messages)
-
-
-def skeleton_fields(skeleton: Skeleton) -> dict[str, Any]:
-    """Return the fields of a `Skeleton` message by name."""
-    joints = [
-        make(
-            schemas.JOINT,
-            JOINTS[joint],
-            make(schemas.POINT, *skeleton.positions[joint]),
-            make(schemas.QUATERNION, *skeleton.quats_xyzw[joint]),
-            skeleton.joint_confidence[joint],
-            int(skeleton.joint_states[joint]),
-        )
-        for joint in range(len(skeleton.positions))
-    ]
-    low, high = skeleton.box
-    return {
-        "body_id": skeleton.body_id,
-        "source": int(skeleton.source),
-        "confidence": skeleton.confidence,
-        "residual": skeleton.residual,
-        "scale": skeleton.scale,
-        "joints": joints,
-        "build": skeleton.build,
-        "tracking": int(skeleton.tracking),
-        "centre": make(schemas.POINT, *skeleton.centre),
-        "velocity": make(schemas.VECTOR, *skeleton.velocity),
-        "box_min": make(schemas.POINT, *low),
-        "box_max": make(schemas.POINT, *high),
-        "joint_velocities": skeleton.velocities.astype(np.float32).ravel(),
-        "joint_covariances": six_numbers(skeleton.covariances).astype(np.float32).ravel(),
-    }
 
 
 def write_image(stamp_ns: int, frame_id: str, pixels: NDArray[np.generic]) -> bytes:

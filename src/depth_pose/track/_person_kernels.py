@@ -1,7 +1,10 @@
-"""Compiled loops that extract one person from a frame, for `depth_pose.track.person`."""
+"""Compiled loops that extract people from a frame, for `depth_pose.track.person_view`."""
 
 from __future__ import annotations
 
+import numpy as np
+
+from depth_pose.core._camera_kernels import ray
 from depth_pose.core.kernels import njit
 from depth_pose.core.types import BACKGROUND, HIDDEN, PERSON, UNKNOWN
 
@@ -10,26 +13,8 @@ _BESIDE_M = 0.15
 
 
 @njit(cache=True)
-def unpack_points(numbers, octets, is_person, most, points, labels):
-    """Copy points and labels of 16-byte records, (h, w, 4) float32 and (h, w, 16) uint8 of the same memory.
-
-    Returns the flat index of the first point of a person (``is_person`` (256,)) with a number that is NaN or
-    beyond ``most``, or -1.
-    """
-    rows, cols = labels.shape
-    bad = -1
-    for i in range(rows):
-        for j in range(cols):
-            x, y, z, label = numbers[i, j, 0], numbers[i, j, 1], numbers[i, j, 2], octets[i, j, 12]
-            points[i, j, 0], points[i, j, 1], points[i, j, 2], labels[i, j] = x, y, z, label
-            if is_person[label] and not (abs(x) <= most and abs(y) <= most and abs(z) <= most) and bad < 0:
-                bad = i * cols + j
-    return bad
-
-
-@njit(cache=True)
 def pack_points(points, labels, numbers, octets):
-    """Write points and labels as 16-byte records, as `unpack_points` reads them."""
+    """Write points and labels as 16-byte records, (h, w, 4) float32 and (h, w, 16) uint8 of one memory."""
     for i in range(labels.shape[0]):
         for j in range(labels.shape[1]):
             for a in range(3):
@@ -39,29 +24,65 @@ def pack_points(points, labels, numbers, octets):
 
 
 @njit(cache=True)
-def take_person(points, labels, label, taken, depth):
-    """Copy a person's points to ``taken`` and their depths to an image; return the number of points."""
-    count = 0
-    for i in range(labels.shape[0]):
-        for j in range(labels.shape[1]):
-            depth[i, j] = 0.0
-            if labels[i, j] == label:
-                depth[i, j] = points[i, j, 2]
-                for a in range(3):
-                    taken[count, a] = points[i, j, a]
-                count += 1
-    return count
-
-
-@njit(cache=True)
-def label_for(points, labels, label, distance, own):
-    """Write the label of each pixel from the view of one person, whose centre is ``distance`` metres away."""
+def find_boxes(labels, boxes):
+    """Write the number of pixels of each label, its first and last row and column, to ``boxes``, (256, 5)."""
+    boxes[:, 0], boxes[:, 1], boxes[:, 3] = 0, labels.shape[0], labels.shape[1]
+    boxes[:, 2], boxes[:, 4] = -1, -1
     for i in range(labels.shape[0]):
         for j in range(labels.shape[1]):
             k = labels[i, j]
+            if k != BACKGROUND:
+                boxes[k, 0] += 1
+                boxes[k, 1], boxes[k, 2] = min(boxes[k, 1], i), i
+                boxes[k, 3], boxes[k, 4] = min(boxes[k, 3], j), max(boxes[k, 4], j)
+
+
+@njit(cache=True)
+def take_depths(depth, labels, label, box, depths):
+    """Copy the depths of a person's pixels within a box, in the order of the image; return their mean."""
+    count, total = 0, 0.0
+    for i in range(box[1], box[2] + 1):
+        for j in range(box[3], box[4] + 1):
+            if labels[i, j] == label:
+                depths[count] = depth[i, j]
+                total += depth[i, j]
+                count += 1
+    return total / max(count, 1)
+
+
+@njit(cache=True)
+def cut_window(depth, labels, label, distance, top, left, own_depth, own):
+    """Write the window that begins at (top, left) from the view of one person ``distance`` metres away."""
+    for i in range(own.shape[0]):
+        for j in range(own.shape[1]):
+            k, z = labels[top + i, left + j], depth[top + i, left + j]
+            own_depth[i, j] = 0.0
             if k == label:
-                own[i, j] = PERSON
-            elif k == HIDDEN or (k != BACKGROUND and not points[i, j, 2] > distance + _BESIDE_M):
+                own[i, j], own_depth[i, j] = PERSON, z
+            elif k == HIDDEN or (k != BACKGROUND and not z > distance + _BESIDE_M):
                 own[i, j] = UNKNOWN
             else:
                 own[i, j] = BACKGROUND
+
+
+@njit(cache=True)
+def window_points(depth, labels, camera, top, left, most, points):
+    """Write the points of the person's pixels of a window, (N, 3), and return their number.
+
+    ``camera`` is that of the whole grid. Returns -1 where a pixel of the person has a depth that is not
+    between 0 and ``most``, or a label is none.
+    """
+    count = 0
+    for i in range(labels.shape[0]):
+        for j in range(labels.shape[1]):
+            if labels[i, j] > UNKNOWN:
+                return -1
+            if labels[i, j] == PERSON:
+                z = depth[i, j]
+                if not 0.0 < z <= most:
+                    return -1
+                x, y = ray(camera, left + j, top + i)
+                points[count, 0], points[count, 1] = np.float32(x * z), np.float32(y * z)
+                points[count, 2] = z
+                count += 1
+    return count

@@ -14,11 +14,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.rendered_depth import DepthComparer, Observation, nearest_person_pixels, observe
+from depth_pose.body.rendered_depth import DepthComparer, Observation, nearest_person_pixels
 from depth_pose.core.camera import Camera
 from depth_pose.core.measurement import NO_PROPOSALS, JointMeasurement, both_namings
 from depth_pose.core.skeleton import JOINT_INDEX
-from depth_pose.core.types import PERSON, TrackedPerson
+from depth_pose.core.types import TrackedPerson
 from depth_pose.track import _person_kernels as kernels
 from depth_pose.track.target import FitTarget
 
@@ -58,8 +58,8 @@ class PersonView:
         Camera of the whole working grid.
     points : (N, 3) float64
         The person's points, metres, camera frame.
-    full, coarse : Observation
-        A window around the person, at full and at half resolution.
+    full : Observation
+        A window around the person.
     is_cut_below : bool
         Whether the legs are invisible: the lower image border cuts the person above them, or
         both knees are occluded.
@@ -75,7 +75,6 @@ class PersonView:
     camera: Camera
     points: NDArray[np.float64]
     full: Observation
-    coarse: Observation
     is_cut_below: bool
     is_cut_beside: bool
     floor: NDArray[np.float64]
@@ -94,6 +93,11 @@ class PersonView:
     def measured(self) -> JointMeasurement | None:
         """The person's joints, as the joint net measured them; None without."""
         return self.found.measured
+
+    @cached_property
+    def coarse(self) -> Observation:
+        """The window at half resolution."""
+        return self.full.strided(2)
 
     @cached_property
     def comparer(self) -> DepthComparer:
@@ -140,11 +144,12 @@ class FramePeople:
     frame_id : str
     camera : Camera
         Camera of the working grid.
-    points : (h, w, 3) float32
-        Points in the camera frame, metres; NaN where a pixel belongs to no person.
+    depth : (h, w) float32
+        Denoised depth of people's pixels, metres; 0 elsewhere. No pixels in other processes, which need the
+        people alone.
     labels : (h, w) uint8
         Number of the person at each pixel; 0 for free space, `depth_pose.core.types.HIDDEN` where
-        something nearer, or nothing, was measured.
+        something nearer, or nothing, was measured. No pixels in other processes.
     persons : tuple of PersonView
     floor : (4,) float64
         The floor's normal, upward, and the sensor's height above it, metres; 0 where it is unknown.
@@ -153,17 +158,22 @@ class FramePeople:
     stamp_ns: int
     frame_id: str
     camera: Camera
-    points: NDArray[np.float32]
+    depth: NDArray[np.float32]
     labels: NDArray[np.uint8]
     persons: tuple[PersonView, ...]
     floor: NDArray[np.float64]
+
+    @property
+    def points(self) -> NDArray[np.float32]:
+        """Points (h, w, 3), camera frame, metres; NaN where a pixel belongs to no person."""
+        return self.camera.back_project(self.depth)
 
 
 def see_people(
     stamp_ns: int,
     frame_id: str,
     camera: Camera,
-    points: NDArray[np.float32],
+    depth: NDArray[np.float32],
     labels: NDArray[np.uint8],
     found: Iterable[TrackedPerson],
     floor: NDArray[np.float64] = NO_FLOOR,
@@ -172,53 +182,66 @@ def see_people(
 
     Parameters
     ----------
-    stamp_ns, frame_id, camera, points, labels, floor
+    stamp_ns, frame_id, camera, depth, labels, floor
         As in `FramePeople`.
     found : iterable of TrackedPerson
         The people that the labels denote.
     """
+    boxes = np.empty((256, 5), np.int64)
+    kernels.find_boxes(labels, boxes)
     persons = tuple(
-        person
+        _see_person(stamp_ns, frame_id, camera, depth, labels, f, floor, boxes[f.label])
         for f in found
-        if (person := _see_person(stamp_ns, frame_id, camera, points, labels, f, floor)) is not None
+        if boxes[f.label, 0] >= MIN_POINTS
     )
-    return FramePeople(stamp_ns, frame_id, camera, points, labels, persons, floor)
+    return FramePeople(stamp_ns, frame_id, camera, depth, labels, persons, floor)
 
 
 def _see_person(
     stamp_ns: int,
     frame_id: str,
     camera: Camera,
-    points: NDArray[np.float32],
+    depth: NDArray[np.float32],
     labels: NDArray[np.uint8],
     found: TrackedPerson,
     floor: NDArray[np.float64],
-) -> PersonView | None:
-    """Prepare one person; None with too few points."""
-    taken, depth = np.empty((labels.size, 3)), np.empty(labels.shape, np.float32)
-    count = kernels.take_person(points, labels, found.label, taken, depth)
-    if count < MIN_POINTS:
-        return None
-    taken = taken[:count].copy()
-    own = np.empty(labels.shape, np.uint8)
-    kernels.label_for(points, labels, found.label, float(np.median(taken[:, 2])), own)
-    low = own[-1] == PERSON
+    box: NDArray[np.int64],
+) -> PersonView:
+    """Prepare one person, whose number of pixels, first and last row and column are ``box``."""
+    count, first_row, last_row, first_column, last_column = box.tolist()
+    depths = np.empty(count, np.float32)
+    margin = round(_MARGIN_M * camera.fx / kernels.take_depths(depth, labels, found.label, box, depths))
+    top, left = max(0, first_row - margin), max(0, first_column - margin)
+    bottom, right = min(camera.height, last_row + margin + 1), min(camera.width, last_column + margin + 1)
+    own = np.empty((bottom - top, right - left), np.uint8)
+    window = Observation(
+        np.empty(own.shape, np.float32), own, camera.cropped(left, top, right - left, bottom - top)
+    )
+    distance = float(np.median(depths.astype(np.float64)))
+    kernels.cut_window(depth, labels, found.label, distance, top, left, window.depth, own)
+    points = np.empty((count, 3))
+    kernels.window_points(window.depth, own, camera, top, left, np.inf, points)
+    outermost = labels[:, [0, 1, -2, -1]] == found.label
     return PersonView(
         stamp_ns=stamp_ns,
         frame_id=frame_id,
         found=found,
         camera=camera,
-        points=taken,
-        full=observe(depth, own, camera, 1, _MARGIN_M),
-        coarse=observe(depth, own, camera, 2, _MARGIN_M),
-        is_cut_below=bool(low.any() and np.ptp(points[-1, low, 0]) > _CUT_WIDTH_M)
-        or _hides_knees(own, camera, found.measured),
-        is_cut_beside=int((own[:, [0, 1, -2, -1]] == PERSON).sum()) > _SIDE_PIXELS,
+        points=points,
+        full=window,
+        is_cut_below=_is_cut(points[points.shape[0] - int((labels[-1] == found.label).sum()) :])
+        or _hides_knees(labels == found.label, camera, found.measured),
+        is_cut_beside=int(outermost.sum()) > _SIDE_PIXELS,
         floor=floor,
     )
 
 
-def _hides_knees(own: NDArray[np.uint8], camera: Camera, measured: JointMeasurement | None) -> bool:
+def _is_cut(lowest: NDArray[np.float64]) -> bool:
+    """Check whether the points (N, 3) in the image's last row are as wide as a trunk."""
+    return len(lowest) > 0 and bool(np.ptp(lowest[:, 0]) > _CUT_WIDTH_M)
+
+
+def _hides_knees(own: NDArray[np.bool_], camera: Camera, measured: JointMeasurement | None) -> bool:
     """Check that no pixel of the person lies near the measured knees."""
     if measured is None:
         return False
@@ -229,7 +252,7 @@ def _hides_knees(own: NDArray[np.uint8], camera: Camera, measured: JointMeasurem
         aside, along = _KNEE_M * camera.fx / z, _KNEE_M * camera.fy / z
         top, left = max(0, round(v - along)), max(0, round(u - aside))
         window = own[top : max(0, round(v + along) + 1), left : max(0, round(u + aside) + 1)]
-        if (window == PERSON).any():
+        if window.any():
             return False
     return True
 
@@ -245,15 +268,8 @@ def thin_image(observed: Observation, distance: float, spacing_m: float) -> Obse
     spacing_m : float
         Metres at the person.
     """
-    camera = observed.camera
-    step = int(spacing_m * camera.fx / distance)
-    if step < 2:
-        return observed
-    return Observation(
-        depth=np.ascontiguousarray(observed.depth[::step, ::step]),
-        labels=np.ascontiguousarray(observed.labels[::step, ::step]),
-        camera=camera.strided(step),
-    )
+    step = int(spacing_m * observed.camera.fx / distance)
+    return observed if step < 2 else observed.strided(step)
 
 
 def thin(points: NDArray[np.float64], most: int) -> NDArray[np.float64]:

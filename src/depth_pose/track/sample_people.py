@@ -30,4 +30,4 @@ def sample_people(bank: Bank) -> FramePeople:
     joints = posed.nodes[JOINT_NODES].astype(np.float32)
     sure, sigma = np.ones(len(joints), np.float32), np.full((len(joints), 2), _SIGMA_M, np.float32)
     found = TrackedPerson(PERSON, "sample", 1.0, JointMeasurement(joints, sigma, sure))
-    return see_people(0, "", _CAMERA, _CAMERA.back_project(depth), labels, [found])
+    return see_people(0, "", _CAMERA, depth, labels, [found])

@@ -1,84 +1,87 @@
-"""Messages of the matcher's results."""
+"""Messages of the matcher's results, with the people they are of."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
-from depth_pose_msgs.msg import Candidate as CandidateMsg
-from depth_pose_msgs.msg import PoseMatch as PoseMatchMsg
-from depth_pose_msgs.msg import PoseMatchArray
-from geometry_msgs.msg import Transform, Vector3
+from depth_pose_msgs.msg import Packed
 
 from depth_pose.core.errors import InputError
-from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
 from depth_pose.core.types import Candidate, PoseMatch
-from depth_pose.ros.messages.basics import make_header, make_quaternion
 from depth_pose.ros.messages.checks import check_numbers, check_people
+from depth_pose.ros.messages.people import people_to_msg, read_people, text_of
 from depth_pose.track.person_view import FramePeople
 
+_MATCH = np.dtype([("body_id", "S64"), ("bank_id", "S64"), ("scale", "<f8"), ("count", "<u4")])
+_CANDIDATE = np.dtype(
+    [
+        ("exemplar", "<u4"),
+        ("view", "<u4"),
+        ("rotation", "<f8", (3, 3)),
+        ("translation", "<f8", 3),
+        ("distance", "<f8"),
+        ("score", "<f8"),
+    ]
+)
+"""One match, and one of its candidates; those of all matches follow one another."""
 
-def matches_to_msg(matches: Sequence[PoseMatch], people: FramePeople) -> PoseMatchArray:
-    """Build the message of the matches of a frame's people."""
-    return PoseMatchArray(
-        header=make_header(people.stamp_ns, people.frame_id),
-        matches=[
-            PoseMatchMsg(
-                body_id=m.body_id,
-                bank_id=m.bank_id,
-                scale=float(m.scale),
-                candidates=[_candidate_to_msg(c) for c in m.candidates],
-            )
+MATCH_KINDS = (_MATCH, _CANDIDATE)
+"""Types of the arrays of a match message behind those of its people."""
+
+
+def matches_to_msg(matches: Sequence[PoseMatch], people: FramePeople) -> Packed:
+    """Build the message of a frame's people and their matches."""
+    records = np.array(
+        [(m.body_id.encode(), m.bank_id.encode(), m.scale, len(m.candidates)) for m in matches], _MATCH
+    )
+    candidates = np.array(
+        [
+            (c.exemplar, c.view, c.rotation, c.translation, c.distance, c.score)
             for m in matches
+            for c in m.candidates
         ],
+        _CANDIDATE,
     )
+    return people_to_msg(people, [records, candidates])
 
 
-def _candidate_to_msg(candidate: Candidate) -> CandidateMsg:
-    x, y, z = candidate.translation.tolist()
-    quat = make_quaternion(matrix_to_quat(candidate.rotation).tolist())
-    return CandidateMsg(
-        exemplar=int(candidate.exemplar),
-        view=int(candidate.view),
-        transform=Transform(translation=Vector3(x=x, y=y, z=z), rotation=quat),
-        distance=float(candidate.distance),
-        score=float(candidate.score),
-    )
-
-
-def msg_to_matches(msg: PoseMatchArray) -> tuple[PoseMatch, ...]:
-    """Return the matches of a message, equal to those that were sent.
+def msg_to_matches(message: Packed) -> tuple[FramePeople, tuple[PoseMatch, ...]]:
+    """Return the people of a message and their matches, equal to those that were sent.
 
     Raises
     ------
     InputError
         If a number is not valid in a match.
     """
-    check_people("matches", [m.body_id for m in msg.matches])
-    for m in msg.matches:
-        if m.candidates and not 0.01 < m.scale < 100.0:
-            raise InputError(f"the scale of {m.body_id} is {m.scale:g}")
-    return tuple(
-        PoseMatch(
-            body_id=m.body_id,
-            bank_id=m.bank_id,
-            scale=m.scale,
-            candidates=tuple(_msg_to_candidate(c) for c in m.candidates),
-        )
-        for m in msg.matches
+    people, (records, candidates) = read_people(message, MATCH_KINDS)
+    ids, banks = text_of(records["body_id"]), text_of(records["bank_id"])
+    check_people("matches", ids)
+    for body_id, scale, count in zip(ids, records["scale"], records["count"], strict=True):
+        if count and not 0.01 < scale < 100.0:
+            raise InputError(f"the scale of {body_id} is {scale:g}")
+    ends = np.cumsum(records["count"].astype(np.int64))
+    if len(candidates) != (ends[-1] if len(ends) else 0):
+        raise InputError(f"there are {len(candidates)} candidates, not {records['count'].sum()}")
+    check_numbers("the place of a match", candidates["translation"])
+    turns = candidates["rotation"]
+    check_numbers("the turn of a match", turns, 1.1)
+    lengths = np.linalg.norm(turns, axis=1)
+    if not (np.abs(lengths - 1.0) < 0.1).all():
+        raise InputError("the turn of a match is no rotation")
+    parts = np.split(candidates, ends[:-1]) if len(ends) else []
+    return people, tuple(
+        PoseMatch(body_id, bank_id, float(scale), tuple(map(_candidate, part)))
+        for body_id, bank_id, scale, part in zip(ids, banks, records["scale"], parts, strict=True)
     )
 
 
-def _msg_to_candidate(msg: CandidateMsg) -> Candidate:
-    t, q = msg.transform.translation, msg.transform.rotation
-    turn = check_numbers("the turn of a match", [q.x, q.y, q.z, q.w], 2.0)
-    if not 0.5 < float(turn @ turn) < 2.0:
-        raise InputError(f"the turn of a match is no quaternion: its length is {np.linalg.norm(turn):g}")
+def _candidate(record: np.void) -> Candidate:
     return Candidate(
-        exemplar=msg.exemplar,
-        view=msg.view,
-        rotation=quat_to_matrix(turn / np.linalg.norm(turn)),
-        translation=check_numbers("the place of a match", [t.x, t.y, t.z]),
-        distance=msg.distance,
-        score=msg.score,
+        exemplar=int(record["exemplar"]),
+        view=int(record["view"]),
+        rotation=record["rotation"].copy(),
+        translation=record["translation"].copy(),
+        distance=float(record["distance"]),
+        score=float(record["score"]),
     )

@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
-from depth_pose_msgs.msg import People, SkeletonArray
+from depth_pose_msgs.msg import Packed, SkeletonArray
 from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 
@@ -92,9 +92,9 @@ class DenoiseNode(StageNode):
         return Perception(config.segment, config.denoise, config.mount, config.match.method == "joints")
 
     def open_outputs(self) -> None:
-        """Create the publishers of people's points and ids."""
-        self._points = self.publisher(PointCloud2, "points")
-        self._people = self.publisher(People, "people")
+        """Create the publishers of the people, and of their points for other programs."""
+        self._people = self.publisher(Packed, "people")
+        self._points = self.publisher(PointCloud2, "points", counted=False)
         self._room = RoomOutputs(self)
 
     def inputs(self) -> Sequence[Input]:
@@ -133,9 +133,9 @@ class DenoiseNode(StageNode):
         upright = rotate_upright(self._repair.apply(frame), self.config.mount)
         self._room.take_level(frame, self.stage.floor_finder)
         found = self.stage.perceive(upright)
-        points, names = people.people_to_msgs(found)
-        self._points.publish(points)
-        self._people.publish(names)
+        self._people.publish(people.people_to_msg(found))
+        if self._points.get_subscription_count():
+            self._points.publish(people.people_to_cloud(found))
         self._in_flight.begin(found.stamp_ns, time.monotonic())
         self._pace.begin()
         is_turned = isinstance(message, PointCloud2) and frame.frame_id != message.header.frame_id
@@ -148,7 +148,7 @@ class DenoiseNode(StageNode):
             upright, is_found=is_found, is_answered=is_found, rejected=self.stage.rejected_counts
         )
         self._say()
-        self.statistics.values["people"] = len(names.people)
+        self.statistics.values["people"] = len(found.persons)
         self.statistics.values["people cut off or half hidden"] = sum(
             p.is_cut_below or p.is_cut_beside for p in found.persons
         )

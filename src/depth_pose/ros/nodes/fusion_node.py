@@ -23,12 +23,13 @@ from depth_pose.body.bodies import find_body
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.types import Skeleton
+from depth_pose.io.skeleton_cdr import write_people
 from depth_pose.rooms.merger import RoomMerger
 from depth_pose.rooms.rigfile import load_rig
 from depth_pose.rooms.watch import CameraState
 from depth_pose.ros.messages.basics import stamp_to_ns
 from depth_pose.ros.messages.checks import check_people
-from depth_pose.ros.messages.skeletons import msg_to_skeleton, skeletons_to_msg
+from depth_pose.ros.messages.skeletons import msg_to_skeleton
 from depth_pose.ros.nodes.bank_node import BankNode
 from depth_pose.ros.nodes.node_base import Deferred, Input
 from depth_pose.ros.nodes.parameters import BANK, OTHERS, TF
@@ -175,7 +176,7 @@ class FusionNode(BankNode):
 
     def _publish(self, skeletons: Sequence[Skeleton], stamp_ns: int) -> None:
         frame_id = self.stage.frame_id
-        self._skeletons.publish(skeletons_to_msg(skeletons, stamp_ns, frame_id))
+        self._skeletons.publish(write_people(skeletons, stamp_ns, frame_id))
         if self._markers.get_subscription_count():
             self._markers.publish(skeletons_to_markers(skeletons, stamp_ns, frame_id))
         if self._transforms is not None and self._transforms.is_heard:

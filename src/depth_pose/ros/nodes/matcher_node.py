@@ -1,17 +1,16 @@
-"""Node: people's points -> exemplars with similar poses, ``/depth_pose/match``."""
+"""Node: people -> exemplars with similar poses, ``/depth_pose/match``."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
 
-from depth_pose_msgs.msg import People, PoseMatchArray
-from sensor_msgs.msg import PointCloud2
+from depth_pose_msgs.msg import Packed
 
 from depth_pose.core.config import PipelineConfig
 from depth_pose.match.match import Matcher, match_confidence
 from depth_pose.ros.messages.matches import matches_to_msg
-from depth_pose.ros.messages.people import msgs_to_people
+from depth_pose.ros.messages.people import msg_to_people
 from depth_pose.ros.nodes.bank_node import BankNode
 from depth_pose.ros.nodes.node_base import Input
 from depth_pose.ros.nodes.parameters import MATCHER
@@ -37,15 +36,15 @@ class MatcherNode(BankNode):
 
     def open_outputs(self) -> None:
         """Create the publisher of the matches."""
-        self._matches = self.publisher(PoseMatchArray, "match")
+        self._matches = self.publisher(Packed, "match")
 
     def inputs(self) -> Sequence[Input]:
-        """Pair the points with the people's ids."""
-        return [Input(PointCloud2, "points"), Input(People, "people")]
+        """Subscribe to the people."""
+        return [Input(Packed, "people")]
 
-    def answer(self, points: PointCloud2, found: People) -> None:
+    def answer(self, message: Packed) -> None:
         """Match the people of one frame."""
-        people = msgs_to_people(points, found)
+        people = msg_to_people(message)
         matches = self.stage.match(people)
         self._matches.publish(matches_to_msg(matches, people))
         self.statistics.values["people"] = len(matches)

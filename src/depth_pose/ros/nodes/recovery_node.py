@@ -1,22 +1,20 @@
-"""Node: people's points and fitted bodies -> ``/depth_pose/skeletons``, ``skeleton``, ``markers``."""
+"""Node: people and fitted bodies -> ``/depth_pose/skeletons``, ``skeleton``, ``markers``."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
 
-from depth_pose_msgs.msg import FittedArray, People, Skeleton, SkeletonArray
+from depth_pose_msgs.msg import Packed, Skeleton, SkeletonArray
 from diagnostic_msgs.msg import DiagnosticStatus
-from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import MarkerArray
 
-from depth_pose.body.build import build_space
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.mount import check_upright, rotate_to_sensor, sensor_frame
 from depth_pose.core.types import Skeleton as SkeletonData
+from depth_pose.io.skeleton_cdr import write_people, write_skeleton
 from depth_pose.recover.recover import Recoverer
-from depth_pose.ros.messages.people import msgs_to_people
-from depth_pose.ros.messages.skeletons import msg_to_fitted, skeleton_to_msg, skeletons_to_msg
+from depth_pose.ros.messages.fits import msg_to_fitted
 from depth_pose.ros.nodes.bank_node import BankNode
 from depth_pose.ros.nodes.node_base import Input
 from depth_pose.ros.nodes.parameters import RECOVERY
@@ -45,7 +43,6 @@ class RecoveryNode(BankNode):
         """Build the recoverer, and the selection of the followed person."""
         self._follower = Follower(config.follow)
         self._nobody = NobodyWatch()
-        self._space = build_space(self.bank.body)
         return Shared(self.bank, config).make_recoverer()
 
     def open_outputs(self) -> None:
@@ -59,24 +56,20 @@ class RecoveryNode(BankNode):
         self._others = StandardOutputs(self, "detections")
 
     def inputs(self) -> Sequence[Input]:
-        """Pair the points with the bodies fitted to them."""
-        return [
-            Input(PointCloud2, "points"),
-            Input(People, "people"),
-            Input(FittedArray, "skeletons_refined"),
-        ]
+        """Subscribe to the people with the bodies fitted to them."""
+        return [Input(Packed, "skeletons_refined")]
 
-    def answer(self, points: PointCloud2, found: People, fitted: FittedArray) -> None:
+    def answer(self, message: Packed) -> None:
         """Check, recover and smooth the people of one frame."""
-        people, mount = msgs_to_people(points, found), self.config.mount
+        people, fitted = msg_to_fitted(message, len(self.bank.body.vertices))
+        mount = self.config.mount
         check_upright(people.frame_id, mount)
-        upright = self.stage.recover(people, msg_to_fitted(fitted, self._space))
+        upright = self.stage.recover(people, fitted)
         skeletons = [rotate_to_sensor(s, mount) for s in upright]
         frame_id = sensor_frame(people.frame_id, mount)
-        message = skeletons_to_msg(skeletons, people.stamp_ns, frame_id)
-        self._skeletons.publish(message)
+        self._skeletons.publish(write_people(skeletons, people.stamp_ns, frame_id))
         followed = self._follower.choose(skeletons, people.stamp_ns, frame_id)
-        self._followed.publish(skeleton_to_msg(followed))
+        self._followed.publish(write_skeleton(followed))
         if self._markers.get_subscription_count():
             self._markers.publish(skeletons_to_markers(skeletons, people.stamp_ns, frame_id))
         if self._transforms is not None and self._transforms.is_heard:

@@ -1,4 +1,4 @@
-"""Node: people's points and matches -> fitted bodies, ``/depth_pose/skeletons_refined``, and ``mesh``."""
+"""Node: people and matches -> fitted bodies, ``/depth_pose/skeletons_refined``, and ``mesh``."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from depth_pose_msgs.msg import FittedArray, People, PoseMatchArray
-from sensor_msgs.msg import PointCloud2
+from depth_pose_msgs.msg import Packed
 from visualization_msgs.msg import Marker
 
 from depth_pose.body.build_file import load_build
@@ -16,9 +15,8 @@ from depth_pose.body.pose import Fitted
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.mount import check_upright
 from depth_pose.refine.refine import Refiner
+from depth_pose.ros.messages.fits import fitted_to_msg
 from depth_pose.ros.messages.matches import msg_to_matches
-from depth_pose.ros.messages.people import msgs_to_people
-from depth_pose.ros.messages.skeletons import fitted_to_msg
 from depth_pose.ros.nodes.bank_node import BankNode
 from depth_pose.ros.nodes.node_base import Input
 from depth_pose.ros.nodes.parameters import REFINE
@@ -50,18 +48,18 @@ class RefineNode(BankNode):
 
     def open_outputs(self) -> None:
         """Create the publishers of the fitted bodies, and of their meshes for subscribers."""
-        self._fitted = self.publisher(FittedArray, "skeletons_refined")
+        self._fitted = self.publisher(Packed, "skeletons_refined")
         self._meshes = self.publisher(Marker, "mesh", reliable=True, counted=False)
 
     def inputs(self) -> Sequence[Input]:
-        """Pair the points with their matches."""
-        return [Input(PointCloud2, "points"), Input(People, "people"), Input(PoseMatchArray, "match")]
+        """Subscribe to the people with their matches."""
+        return [Input(Packed, "match")]
 
-    def answer(self, points: PointCloud2, found: People, matches: PoseMatchArray) -> None:
+    def answer(self, message: Packed) -> None:
         """Fit the people of one frame."""
-        people = msgs_to_people(points, found)
+        people, matches = msg_to_matches(message)
         check_upright(people.frame_id, self.config.mount)
-        fitted = self.stage.refine(people, msg_to_matches(matches))
+        fitted = self.stage.refine(people, matches)
         self._fitted.publish(fitted_to_msg(fitted, people))
         self.statistics.values["people"] = len(fitted)
         for f in fitted[:1]:

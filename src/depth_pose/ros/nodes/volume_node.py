@@ -21,9 +21,9 @@ from visualization_msgs.msg import MarkerArray
 
 from depth_pose.body.angles import ANGLES
 from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.io.skeleton_cdr import write_skeleton
 from depth_pose.rooms.rigfile import Rig
 from depth_pose.ros.messages.basics import make_header
-from depth_pose.ros.messages.skeletons import skeleton_to_msg
 from depth_pose.ros.nodes.node_base import Drop, StageNode
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.setting import Setting
@@ -121,7 +121,7 @@ class VolumeNode(StageNode):
         return self._synchroniser.gone(time.monotonic())
 
     def _publish(self, pose: VolumePose, stamp_ns: int) -> None:
-        self._skeletons.publish(skeleton_to_msg(pose.skeleton))
+        self._skeletons.publish(write_skeleton(pose.skeleton))
         if self._markers.get_subscription_count():
             shown = [] if pose.skeleton.is_lost else [pose.skeleton]
             self._markers.publish(skeletons_to_markers(shown, stamp_ns, self._frame))

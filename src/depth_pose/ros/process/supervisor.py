@@ -45,7 +45,7 @@ SENSORS_PATH = Path(__file__).parents[1] / "sensors"
 _ENVIRONMENT = {PULSE: "1", "PYTHONUNBUFFERED": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Environment of the nodes: signs of life; unbuffered lines; one thread each, as they share the cores."""
 
-_CONSUMERS = {"denoise": 3, "matcher": 1, "refine": 1, "recovery": 0, "fusion": 0}
+_CONSUMERS = {"denoise": 1, "matcher": 1, "refine": 1, "recovery": 0, "fusion": 0}
 """Number of nodes of the suite that subscribe to each node's outputs; it is ready once they have."""
 
 _LOOK_EVERY_S, _STOP_PATIENCE_S = 0.1, 5.0
