@@ -139,7 +139,11 @@ class Perception:
         self.rejected_counts.update(self.choice.left_out)
         return [
             TrackedPerson(
-                s.label, name, self.tracks.probability(name), s.measured if self._with_joints else None
+                s.label,
+                name,
+                self.tracks.probability(name),
+                s.measured if self._with_joints else None,
+                s.is_calm,
             )
             for s, name in zip(seen.detections, chosen, strict=True)
             if name is not None

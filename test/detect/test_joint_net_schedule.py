@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 
 from crowd import person, seen
+from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.measurement import CropMask, CropView, JointMeasurement
+from depth_pose.detect.candidates import Candidates
 from depth_pose.detect.finder import TorsoDetection
 from depth_pose.detect.joint_net_schedule import JointNetSchedule
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.detect.tuning import DetectTuning
 
 STEP_NS = 33_000_000
+CAMERA = Camera(32, 24, 30.0, 30.0, 15.5, 11.5)
 
 
 def at(x: float, label: int = 1, z: float = 3.0) -> TorsoDetection:
@@ -26,9 +29,10 @@ FAR, FARTHER = at(2.0, label=2), at(4.0, label=3)
 class Watcher:
     """Counts who is looked at in a frame."""
 
-    def __init__(self, every: int = 2, probability: float = 0.99) -> None:
-        self.looks, self.probability, self.told = JointNetSchedule(every), probability, 0
+    def __init__(self, every: int = 2, probability: float = 0.99, speed: str = "normal") -> None:
+        self.looks, self.probability, self.told = JointNetSchedule(every, speed), probability, 0
         self.stamp_ns = 10**18
+        self.depth = np.full((24, 32), 3.0, np.float32)
 
     def look(self, person: TorsoDetection) -> JointMeasurement:
         self.told += 1
@@ -41,10 +45,18 @@ class Watcher:
             mask=CropMask(np.zeros((8, 8), np.float32), CropView(*person.torso.tolist(), 0.3)),
         )
 
-    def see(self, *people: TorsoDetection, step_ns: int = STEP_NS) -> int:
-        """Return the number of people looked at in the next frame."""
+    def see(self, *people: TorsoDetection, step_ns: int = STEP_NS, moves: slice | None = slice(None)) -> int:
+        """Return the number of people looked at in the next frame, in which rows of their surface move."""
         self.stamp_ns, self.told = self.stamp_ns + step_ns, 0
-        self.seen = self.looks.renew(people, self.stamp_ns, self.look)
+        self.depth = self.depth.copy()
+        if moves is not None:
+            self.depth[moves] += np.float32(0.1)
+        labels = np.zeros(self.depth.shape, np.uint8)
+        for p in people:
+            labels[:, 8 * (p.label - 1) : 8 * p.label] = p.label
+        found = Candidates(self.depth, labels, CAMERA, people, 0)
+        looks = self.looks.renew(found, self.stamp_ns, self.look)
+        self.seen, self.calm = [k.seen for k in looks], [k.is_calm for k in looks]
         assert len(self.seen) == len(people)
         return self.told
 
@@ -68,6 +80,51 @@ def test_two_people_are_looked_at_in_every_frame() -> None:
     watcher = Watcher()
     assert [watcher.see(at(0.0)) for _ in range(3)] == [1, 1, 1]
     assert [watcher.see(at(0.0), FAR) for _ in range(3)] == [2, 2, 2]
+
+
+def test_who_is_calm_is_looked_at_now_and_then() -> None:
+    watcher = Watcher()
+    watcher.see(at(0.0))
+    looks = [watcher.see(at(0.0), moves=None) for _ in range(12)]
+    assert looks == [0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1]
+    assert watcher.see(at(0.0), moves=None) == 0 and watcher.calm == [True]
+    assert watcher.seen[0].sigma[0, 0] == pytest.approx(np.hypot(0.05, 0.02))
+
+
+@pytest.mark.parametrize("calm_frames", [1, 2, 4, 5])
+def test_who_begins_to_move_is_looked_at_in_that_frame(calm_frames: int) -> None:
+    watcher = Watcher()
+    watcher.see(at(0.0))
+    assert [watcher.see(at(0.0), moves=None) for _ in range(calm_frames)] == [0] * calm_frames
+    assert watcher.see(at(0.0), moves=slice(0, 6)) == 1 and watcher.calm == [False]
+    assert watcher.see(at(0.0), moves=slice(0, 6)) == 1
+
+
+def test_slow_movement_adds_up() -> None:
+    watcher = Watcher()
+    watcher.see(at(0.0))
+    looks, rows = [], np.zeros((24, 1), np.float32)
+    rows[:6] = 0.015  # less than what counts in a single frame
+    for _ in range(4):
+        watcher.depth = watcher.depth + rows
+        looks.append(watcher.see(at(0.0), moves=None))
+    assert looks == [0, 0, 1, 0]
+
+
+def test_noise_moves_nobody() -> None:
+    watcher, rng = Watcher(), np.random.default_rng(0)
+    still = watcher.depth.copy()
+    for _ in range(4):
+        watcher.depth = still + np.where(rng.random(still.shape) < 0.3, 0.2, 0.0).astype(np.float32)
+        told = watcher.see(at(0.0), moves=None)
+    assert told == 0
+
+
+def test_speed() -> None:
+    low, high = Watcher(speed="low"), Watcher(speed="high")
+    assert [low.see(at(0.0), moves=None) for _ in range(3)] == [1, 1, 1]
+    assert [high.see(at(0.0)) for _ in range(4)] == [1, 0, 1, 0]
+    assert high.calm == [True]
 
 
 def test_people_take_turns() -> None:

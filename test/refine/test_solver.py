@@ -71,6 +71,19 @@ def test_work_follows_doubt(starts, away, is_measured, work):
 
 
 @pytest.mark.parametrize(
+    ("starts", "work"),
+    [
+        ([PREVIOUS, *FRESH], {"rough": 1, "fine": 1}),
+        (FRESH, {"glance": 3, "rough": 2, "fine": 1, "vary": 1}),
+    ],
+)
+def test_nothing_else_is_tried_of_who_has_not_moved(starts, work):
+    fits = Counted(DOUBTFUL)
+    solve(starts, fits.problem, is_measured=True, is_calm=True)
+    assert fits.done == work
+
+
+@pytest.mark.parametrize(
     ("previous", "fresh", "source"),
     [(0.2, 0.3, "previous"), (0.3, 0.2, "exemplar"), (0.3, 0.29, "exemplar"), (0.3, 0.3, "previous")],
 )

@@ -53,6 +53,12 @@ class SegmentConfig(Checked):
     working_height: int = option(
         180, "Images with more rows than this are reduced to about it", unit="px", low=48, high=1080
     )
+    speed: str = option(
+        "normal",
+        "low: everybody is measured and fitted anew in every frame; normal: who has not moved keeps the last "
+        "measurement for a while; high: who moves, too, is measured in every second frame; learned only",
+        choices=("low", "normal", "high"),
+    )
     most_people: int = option(0, "Maximum number of people, the nearest; 0: all", low=0, high=254)
     zone: str = option(
         "",

@@ -87,12 +87,16 @@ class TrackedPerson:
         Probability that this is a person, 0 to 1, over all frames in which they were followed.
     measured : JointMeasurement or None
         Their joints, as the joint net measured them; None without.
+    is_calm : bool
+        Whether hardly anything of the person has moved since they were measured: then the earlier answers
+        still hold, and no stage searches for others.
     """
 
     label: int
     body_id: str
     probability: float
     measured: JointMeasurement | None = None
+    is_calm: bool = False
 
 
 @dataclass(frozen=True)

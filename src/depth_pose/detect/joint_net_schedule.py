@@ -1,26 +1,29 @@
-"""Schedule of the joint net: where there are more than two people, they take turns.
+"""Schedule of the joint net: who moves is measured, who is calm keeps the last measurement for a while.
 
-The last measurement is reused for a person who was confirmed a moment ago and has not moved away. Two people
-are measured in every frame: reused joints lag behind fast motion, and count as less exact.
+A person is calm while hardly any of their surface has moved since they were measured. Whoever begins to move
+is measured in that frame. Of more than two people who move, some take turns: their last measurements are
+reused if they were confirmed a moment ago and have not moved away, and count as less exact.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.stamps import MAX_REUSE_NS
+from depth_pose.detect import _motion_kernels as kernels
+from depth_pose.detect.candidates import Candidates
 from depth_pose.detect.finder import TorsoDetection
 
 _MOVED_M, _APART_M = 0.15, 0.4
 """Maximum movement (m) of the same person, and least distance (m) of another person."""
 
 _MOST_FRESH = 2
-"""Number of people measured in every frame; further people take turns. On the development recordings with
+"""Number of moving people measured in every frame; others take turns. On the development recordings with
 several people the error falls from 25.0 to 24.0 mm with two in place of one, and to 23.8 mm without turns."""
 
 _STALE_M = 0.08
@@ -30,15 +33,47 @@ recordings of .04, .08 and .2."""
 _SURE = 0.9
 """Minimum person probability of a measurement that is reused."""
 
+_CALM_M2, _CHANGE_M = 0.004, 0.04
+"""A person is calm while less than this area (m^2) of them has changed its depth by more than that (m). On
+development recordings no joint moves by 50 mm meanwhile; noise alone changes .001 m^2."""
+
+_CALM_STALE_M = 0.02
+"""Standard deviation added to a calm person's measurement (m), in each frame in which it is kept."""
+
+_CALM_NS, _CALM_FRAMES = 200_000_000, 5
+"""Maximum age of a calm person's measurement (ns, frames)."""
+
 
 @dataclass(frozen=True)
-class _Look:
-    """The last measurement of a person: place, result, stamp, and age in frames."""
+class Look:
+    """The measurement of a person in use.
+
+    Attributes
+    ----------
+    torso : (3,) float64
+        Place in the last frame, metres.
+    seen : JointMeasurement
+        As measured, and moved with the person since.
+    stamp_ns : int
+        Of the frame in which it was measured.
+    age : int
+        Frames since then.
+    frame : Candidates
+        The image in which it was measured.
+    label : int
+        The person's label there.
+    is_calm : bool
+        Whether hardly anything of the person has moved since; with high speed, whether this is a frame in
+        which they are not measured.
+    """
 
     torso: NDArray[np.float64]
     seen: JointMeasurement
     stamp_ns: int
     age: int
+    frame: Candidates
+    label: int
+    is_calm: bool = False
 
 
 class JointNetSchedule:
@@ -47,67 +82,98 @@ class JointNetSchedule:
     Parameters
     ----------
     every : int
-        Frames between two measurements of a person.
+        Frames between two measurements of a person who moves, where they take turns.
+    speed : str
+        `depth_pose.core.config.SegmentConfig.speed`.
     """
 
-    def __init__(self, every: int) -> None:
+    def __init__(self, every: int, speed: str = "normal") -> None:
         self._every = every
+        self._is_calm_m2 = 0.0 if speed == "low" else _CALM_M2
+        self._is_fast, self._most_fresh = speed == "high", 0 if speed == "high" else _MOST_FRESH
         self.reset()
 
     def reset(self) -> None:
         """Forget all people."""
-        self._looks: list[_Look] = []
+        self._looks: list[Look] = []
+
+    @property
+    def is_calm(self) -> bool:
+        """Whether everybody in the last frame was calm, and somebody was there."""
+        return bool(self._looks) and all(look.is_calm for look in self._looks)
 
     def renew(
         self,
-        people: Sequence[TorsoDetection],
+        found: Candidates,
         stamp_ns: int,
-        look: Callable[[TorsoDetection], JointMeasurement],
-    ) -> list[JointMeasurement]:
-        """Measure the people whose turn it is, and reuse the last measurements of the others.
+        measure: Callable[[TorsoDetection], JointMeasurement],
+    ) -> list[Look]:
+        """Measure the people who move and whose turn it is, and reuse the last measurements of the others.
 
         Parameters
         ----------
-        people : sequence of TorsoDetection
+        found : Candidates
             All people in the frame.
         stamp_ns : int
-        look : callable
+        measure : callable
             Measures one person.
 
         Returns
         -------
-        list of JointMeasurement
-            One for each of ``people``.
+        list of Look
+            One for each person.
         """
+        people = found.people
         before = [self._before(person) for person in people]
+        calm = {
+            n for n, last in enumerate(before) if last and self._is_calm(last, people[n], found, stamp_ns)
+        }
         resting = sorted(
             (last.age, n)
             for n, last in enumerate(before)
-            if last is not None and self._may_rest(last, stamp_ns)
+            if last is not None and n not in calm and self._may_rest(last, stamp_ns)
         )
-        spare = max(0, _MOST_FRESH - (len(people) - len(resting)))
-        rests = {
-            n for _, n in resting[: max(0, len(resting) - spare)]
-        }  # the oldest measurements are renewed first
+        spare = max(0, self._most_fresh - (len(people) - len(calm) - len(resting)))
+        # the oldest measurements are renewed first
+        rests = {n for _, n in resting[: max(0, len(resting) - spare)]}
         looks = []
         for n, person in enumerate(people):
             last = before[n]
-            if last is not None and n in rests:
-                moved = last.seen.moved(person.torso - last.torso, _STALE_M)
-                looks.append(_Look(person.torso, moved, last.stamp_ns, last.age + 1))
+            if last is not None and (n in calm or n in rests):
+                stale_m = _CALM_STALE_M if n in calm else _STALE_M
+                moved = last.seen.moved(person.torso - last.torso, stale_m)
+                looks.append(
+                    replace(
+                        last,
+                        torso=person.torso,
+                        seen=moved,
+                        age=last.age + 1,
+                        is_calm=n in calm or self._is_fast,
+                    )
+                )
             else:
                 # the first interval varies, so that not all people are measured in the same frames
                 age = 0 if last is not None else n % self._every
-                looks.append(_Look(person.torso, look(person), stamp_ns, age))
+                looks.append(Look(person.torso, measure(person), stamp_ns, age, found, person.label))
         self._looks = looks
-        return [k.seen for k in looks]
+        return looks
 
-    def _before(self, person: TorsoDetection) -> _Look | None:
+    def _before(self, person: TorsoDetection) -> Look | None:
         """Return the last measurement of a person; None if no one, or more than one, was near that place."""
         near = [k for k in self._looks if np.linalg.norm(k.torso - person.torso) < _APART_M]
         alone = len(near) == 1 and np.linalg.norm(near[0].torso - person.torso) < _MOVED_M
         return near[0] if alone else None
 
-    def _may_rest(self, last: _Look, stamp_ns: int) -> bool:
+    def _may_rest(self, last: Look, stamp_ns: int) -> bool:
         is_recent = 0 < stamp_ns - last.stamp_ns <= MAX_REUSE_NS
         return is_recent and last.age + 1 < self._every and last.seen.probability >= _SURE
+
+    def _is_calm(self, last: Look, person: TorsoDetection, found: Candidates, stamp_ns: int) -> bool:
+        is_recent = 0 < stamp_ns - last.stamp_ns <= _CALM_NS and last.age < _CALM_FRAMES
+        if not is_recent or last.seen.probability < _SURE or last.frame.camera != found.camera:
+            return False
+        then, camera = last.frame, found.camera
+        area = kernels.moved_area(
+            then.depth, then.labels, last.label, found.depth, found.labels, person.label, camera, _CHANGE_M
+        )
+        return bool(area < self._is_calm_m2)

@@ -21,7 +21,7 @@ from depth_pose.detect.crop_mask import add_and_remove, refuse
 from depth_pose.detect.detection_persistence import DetectionPersistence
 from depth_pose.detect.finder import TorsoDetection
 from depth_pose.detect.joint_net import JointNet, VotingNet
-from depth_pose.detect.joint_net_schedule import JointNetSchedule
+from depth_pose.detect.joint_net_schedule import JointNetSchedule, Look
 from depth_pose.detect.mask_propagation import MaskPropagation
 from depth_pose.detect.sample_frame import sample_frame
 from depth_pose.detect.segmentation import Detection, Segmentation
@@ -63,7 +63,7 @@ class LearnedSegmenter:
         self.candidates = CandidateFinder(config, weights, tuning)
         self.joint_net: JointNet = VotingNet(weights, config.mirror)
         self._masks = MaskPropagation(config, tuning)
-        self._schedule = JointNetSchedule(tuning.look_every)
+        self._schedule = JointNetSchedule(tuning.look_every, config.speed)
         self._persistence = DetectionPersistence(tuning.sure)
         self.reset()
 
@@ -85,17 +85,17 @@ class LearnedSegmenter:
 
     def segment(self, frame: DepthFrame) -> Segmentation:
         """Label every pixel of the working grid."""
-        found = self._masks.carry(frame)
+        found = self._masks.carry(frame, is_calm=self._schedule.is_calm)
         is_returned = None
         if found is None:
             found, is_returned = self._masks.give_back(self.candidates.find(frame), frame.stamp_ns)
         labels = self.candidates.mark_hidden(found, frame.filled)
-        seen = self._schedule.renew(found.people, frame.stamp_ns, lambda p: self._look_at(p, found, labels))
-        detections = [_detection(p, measured) for p, measured in zip(found.people, seen, strict=True)]
+        looks = self._schedule.renew(found, frame.stamp_ns, lambda p: self._look_at(p, found, labels))
+        detections = [_detection(p, look) for p, look in zip(found.people, looks, strict=True)]
         detections = self._persistence.renew(detections, labels, found.depth, frame.stamp_ns)
         sure = tuple(s for s in detections if s.probability >= self._tuning.keep)
-        for thing, measured in zip(detections, seen, strict=True):
-            mask = measured.mask
+        for thing, look in zip(detections, looks, strict=True):
+            mask = look.seen.mask
             assert mask is not None, "it was measured in this process"
             if thing.probability < self._tuning.keep:
                 labels[labels == thing.label] = BACKGROUND
@@ -139,6 +139,6 @@ def _is_alone(person: Detection, people: Sequence[Detection]) -> bool:
     return all(p is person or np.linalg.norm(p.place - person.place) > _ALONE_M for p in people)
 
 
-def _detection(person: TorsoDetection, measured: JointMeasurement) -> Detection:
+def _detection(person: TorsoDetection, look: Look) -> Detection:
     """Return the detection of a person with measured joints."""
-    return Detection(person.label, person.torso, measured.probability, measured)
+    return Detection(person.label, person.torso, look.seen.probability, look.seen, look.is_calm)

@@ -27,12 +27,15 @@ class Detection:
         Probability of a person.
     measured : JointMeasurement or None
         None without a net that measures joints.
+    is_calm : bool
+        Whether hardly anything of the person has moved since they were measured.
     """
 
     label: int
     place: NDArray[np.float64]
     probability: float
     measured: JointMeasurement | None = None
+    is_calm: bool = False
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,9 @@ from depth_pose.core.types import PoseMatch
 from depth_pose.track.person_view import PersonView
 from depth_pose.track.state import Schedule
 
+_CALM_TIMES = 3
+"""Searches for a calm person are rarer by this factor."""
+
 
 def carry(
     schedule: Schedule, person: PersonView, scale: float, every: int
@@ -32,8 +35,9 @@ def carry(
     """
     if schedule.match is None:
         return schedule, None
+    times = _CALM_TIMES if person.found.is_calm else 1  # what was found still holds
     age = schedule.match_age + 1
-    if age >= every or person.stamp_ns - schedule.match_ns > MAX_REUSE_NS:
+    if age >= times * every or person.stamp_ns - schedule.match_ns > times * MAX_REUSE_NS:
         return schedule._replace(match_age=0), None
     shift = person.centre - schedule.match_centre
     candidates = (replace(c, translation=c.translation + shift) for c in schedule.match.candidates)

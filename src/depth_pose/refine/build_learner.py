@@ -69,7 +69,14 @@ class BuildLearner:
         return self._builds.take_size(shape, scale, is_given=self._config.scale > 0.0)
 
     def learn(
-        self, shape: Shape, target: FitTarget, fitted: FittedBody, score: float, stamp_ns: int
+        self,
+        shape: Shape,
+        target: FitTarget,
+        fitted: FittedBody,
+        score: float,
+        stamp_ns: int,
+        *,
+        is_calm: bool = False,
     ) -> Shape:
         """Learn from a fitted frame: from skin if it fits well, and always from measured joints.
 
@@ -83,8 +90,10 @@ class BuildLearner:
         score : float
             Rendered-depth disagreement of the fitted body.
         stamp_ns : int
+        is_calm : bool
+            Whether the person hardly moves.
         """
-        if not self._config.personal or not is_due(shape, stamp_ns):
+        if not self._config.personal or not is_due(shape, stamp_ns, is_calm=is_calm):
             return shape
         evidence = None
         if score <= self._tuning.worst_score:

@@ -136,10 +136,20 @@ class Refiner:
         # the previous answer, and exemplars of the bank (Sec. 5)
         starts = from_previous(state) if self.tuning.track else []
         starts += from_exemplars(match, state, self.bank)
-        best = solve(starts, self._problem(person, shape), is_measured=person.measured is not None)
+        best = solve(
+            starts,
+            self._problem(person, shape),
+            is_measured=person.measured is not None,
+            is_calm=person.found.is_calm,
+        )
         body = self._unseen_legs.settle(self._bodies.space.body(shape.build), best.body, person.camera)
         learned = self.builds.learn(
-            shape, self._bodies.target(person), best.body, best.terms.depth, person.stamp_ns
+            shape,
+            self._bodies.target(person),
+            best.body,
+            best.terms.depth,
+            person.stamp_ns,
+            is_calm=person.found.is_calm,
         )
         state = state._replace(answer=state.answer._replace(pose=best.body.pose), shape=learned)
         return state, Fitted(

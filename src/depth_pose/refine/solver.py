@@ -95,7 +95,9 @@ class Problem:
         return ScoredFit(body, self.score(body), source)
 
 
-def solve(starts: Sequence[Hypothesis], problem: Problem, *, is_measured: bool) -> ScoredFit:
+def solve(
+    starts: Sequence[Hypothesis], problem: Problem, *, is_measured: bool, is_calm: bool = False
+) -> ScoredFit:
     """Fit hypotheses, the best ones finely, and return the fit with the best score.
 
     Parameters
@@ -105,9 +107,11 @@ def solve(starts: Sequence[Hypothesis], problem: Problem, *, is_measured: bool) 
     problem : Problem
     is_measured : bool
         Whether there are measured joints, by which a person can be calm.
+    is_calm : bool
+        Whether hardly anything has moved since the person was measured: no other start is tried.
     """
     fits = [problem.rough(*h) for h in starts if h.source in _FOLLOWED]
-    if fits and is_measured and fits[0].terms.away < _CALM:
+    if fits and (is_calm or (is_measured and fits[0].terms.away < _CALM)):
         return problem.finish(fits[0])
     if fresh := [h for h in starts if h.source not in _FOLLOWED]:
         fits.append(_fit_best(fresh, problem, _ROUGHS))

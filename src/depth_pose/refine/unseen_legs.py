@@ -26,6 +26,9 @@ _LEGS = tuple(
 _NEIGHBOURS = 40
 """Number of most similar poses that are averaged."""
 
+_POSES = 5000
+"""Number of poses, about, among which they are searched; all of a bank's are as good."""
+
 _HALFWAY = 0.5
 """Share of the way to their mean; chosen on development clips."""
 
@@ -50,8 +53,8 @@ class UnseenLegs:
     """
 
     def __init__(self, usual: NDArray[np.float64]) -> None:
-        self._joints = usual.astype(np.float32)
-        self._rows = self._joints.reshape(len(usual), -1)
+        self._joints = usual[:: max(1, len(usual) // _POSES)].astype(np.float32)
+        self._rows = self._joints.reshape(len(self._joints), -1)
         self._squares = (self._joints**2).sum(axis=2)
 
     def settle(self, body: Body, fitted: FittedBody, camera: Camera) -> FittedBody:

@@ -42,6 +42,7 @@ PERSON_RECORD = np.dtype(
         ("box", "<i4", 4),
         ("is_cut_below", "?"),
         ("is_cut_beside", "?"),
+        ("is_calm", "?"),
     ]
 )
 """One person; ``box`` is top, left, height and width of the window."""
@@ -99,6 +100,7 @@ def _fill(record: np.void, person: PersonView) -> None:
     )
     record["box"] = top, left, window.height, window.width
     record["is_cut_below"], record["is_cut_beside"] = person.is_cut_below, person.is_cut_beside
+    record["is_calm"] = found.is_calm
     if measured is not None:
         record["is_measured"] = True
         record["places"], record["sigma"] = measured.places, measured.sigma
@@ -156,7 +158,11 @@ def _person_of(
     if count < MIN_POINTS:
         raise InputError(f"{body_id} has {count} points within {FARTHEST_M:g} m; a person has {MIN_POINTS}")
     found = TrackedPerson(
-        int(record["label"]), body_id, float(record["probability"]), _measurement_of(record)
+        int(record["label"]),
+        body_id,
+        float(record["probability"]),
+        _measurement_of(record),
+        bool(record["is_calm"]),
     )
     is_cut_below, is_cut_beside = bool(record["is_cut_below"]), bool(record["is_cut_beside"])
     return PersonView(stamp_ns, frame_id, found, camera, points, window, is_cut_below, is_cut_beside, floor)

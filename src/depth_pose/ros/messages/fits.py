@@ -32,8 +32,8 @@ _FIT = np.dtype(
 """One fitted body."""
 
 FIT_KINDS = (_FIT, np.dtype("<f8"))
-"""Types of the arrays of a message of fits behind those of its people: the vertices of all bodies that are not
-lost follow one another."""
+"""Types of the arrays of a message of fits behind those of its people; the last has the vertices of all known
+bodies."""
 
 
 def fitted_to_msg(fitted: Sequence[Fitted], people: FramePeople) -> Packed:
