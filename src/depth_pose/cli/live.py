@@ -85,6 +85,7 @@ def up(
     near: Annotated[float | None, setting(SegmentConfig, "near")] = None,
     far: Annotated[float | None, setting(SegmentConfig, "far")] = None,
     people: Annotated[int | None, setting(SegmentConfig, "most_people", "--people")] = None,
+    speed: Annotated[str | None, setting(SegmentConfig, "speed")] = None,
     zone: Annotated[str | None, setting(SegmentConfig, "zone")] = None,
     follow: Annotated[str | None, setting(FollowConfig, "whom", "--follow")] = None,
     sim_time: Annotated[bool, typer.Option("--sim-time", help="Take the time from /clock.")] = False,
@@ -132,6 +133,7 @@ def up(
             ("segment.near", near),
             ("segment.far", far),
             ("segment.most_people", people),
+            ("segment.speed", speed),
             ("zone", zone),
             ("follow", follow),
         )

@@ -82,6 +82,7 @@ def run(
     far: Annotated[float | None, setting(SegmentConfig, "far")] = None,
     people: Annotated[int | None, setting(SegmentConfig, "most_people", "--people")] = None,
     zone: Annotated[str | None, setting(SegmentConfig, "zone")] = None,
+    speed: Annotated[str | None, setting(SegmentConfig, "speed")] = None,
     follow: Annotated[str | None, setting(FollowConfig, "whom", "--follow")] = None,
     build: Annotated[str | None, setting(PersonalConfig, "file", "--build")] = None,
     save_build: Annotated[
@@ -174,6 +175,8 @@ def run(
 
     depth-pose run in.mcap -o out.mcap --passes 2
 
+    depth-pose run in.mcap -o out.mcap --speed high
+
     depth-pose run in.mcap -o out.mcap --markers
 
     depth-pose run in.mcap -o out.mcap --real-time --osc studio:9000 --websocket 8765
@@ -189,7 +192,7 @@ def run(
     be_lenient(lenient)
     values = read_settings(params) if params else {}
     for section, chosen in (
-        ("segment", given(near=near, far=far, most_people=people, zone=zone)),
+        ("segment", given(near=near, far=far, most_people=people, zone=zone, speed=speed)),
         ("refine", given(method=method)),
         ("follow", given(whom=follow)),
         ("build", given(file=build)),
