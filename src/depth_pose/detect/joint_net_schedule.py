@@ -37,6 +37,9 @@ _CALM_M2, _CHANGE_M = 0.004, 0.04
 """A person is calm while less than this area (m^2) of them has changed its depth by more than that (m). On
 development recordings no joint moves by 50 mm meanwhile; noise alone changes .001 m^2."""
 
+_SLOW_M2 = 0.02
+"""The same for one frame with high speed: a hand may move."""
+
 _CALM_STALE_M = 0.02
 """Standard deviation added to a calm person's measurement (m), in each frame in which it is kept."""
 
@@ -63,8 +66,7 @@ class Look:
     label : int
         The person's label there.
     is_calm : bool
-        Whether hardly anything of the person has moved since; with high speed, whether this is a frame in
-        which they are not measured.
+        Whether hardly anything of the person has moved since.
     """
 
     torso: NDArray[np.float64]
@@ -89,8 +91,7 @@ class JointNetSchedule:
 
     def __init__(self, every: int, speed: str = "normal") -> None:
         self._every = every
-        self._is_calm_m2 = 0.0 if speed == "low" else _CALM_M2
-        self._is_fast, self._most_fresh = speed == "high", 0 if speed == "high" else _MOST_FRESH
+        self._speed = speed
         self.reset()
 
     def reset(self) -> None:
@@ -133,7 +134,7 @@ class JointNetSchedule:
             for n, last in enumerate(before)
             if last is not None and n not in calm and self._may_rest(last, stamp_ns)
         )
-        spare = max(0, self._most_fresh - (len(people) - len(calm) - len(resting)))
+        spare = max(0, _MOST_FRESH - (len(people) - len(calm) - len(resting)))
         # the oldest measurements are renewed first
         rests = {n for _, n in resting[: max(0, len(resting) - spare)]}
         looks = []
@@ -143,13 +144,7 @@ class JointNetSchedule:
                 stale_m = _CALM_STALE_M if n in calm else _STALE_M
                 moved = last.seen.moved(person.torso - last.torso, stale_m)
                 looks.append(
-                    replace(
-                        last,
-                        torso=person.torso,
-                        seen=moved,
-                        age=last.age + 1,
-                        is_calm=n in calm or self._is_fast,
-                    )
+                    replace(last, torso=person.torso, seen=moved, age=last.age + 1, is_calm=n in calm)
                 )
             else:
                 # the first interval varies, so that not all people are measured in the same frames
@@ -170,10 +165,11 @@ class JointNetSchedule:
 
     def _is_calm(self, last: Look, person: TorsoDetection, found: Candidates, stamp_ns: int) -> bool:
         is_recent = 0 < stamp_ns - last.stamp_ns <= _CALM_NS and last.age < _CALM_FRAMES
-        if not is_recent or last.seen.probability < _SURE or last.frame.camera != found.camera:
+        if self._speed == "low" or not is_recent or last.seen.probability < _SURE or last.frame.camera != found.camera:
             return False
         then, camera = last.frame, found.camera
         area = kernels.moved_area(
             then.depth, then.labels, last.label, found.depth, found.labels, person.label, camera, _CHANGE_M
         )
-        return bool(area < self._is_calm_m2)
+        may_move = self._speed == "high" and last.age == 0
+        return bool(area < (_SLOW_M2 if may_move else _CALM_M2))
