@@ -165,7 +165,12 @@ class JointNetSchedule:
 
     def _is_calm(self, last: Look, person: TorsoDetection, found: Candidates, stamp_ns: int) -> bool:
         is_recent = 0 < stamp_ns - last.stamp_ns <= _CALM_NS and last.age < _CALM_FRAMES
-        if self._speed == "low" or not is_recent or last.seen.probability < _SURE or last.frame.camera != found.camera:
+        if (
+            self._speed == "low"
+            or not is_recent
+            or last.seen.probability < _SURE
+            or last.frame.camera != found.camera
+        ):
             return False
         then, camera = last.frame, found.camera
         area = kernels.moved_area(

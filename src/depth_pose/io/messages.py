@@ -6,6 +6,7 @@ rosbags converts the bytes, by the definitions of `depth_pose.io.schemas`: for a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
