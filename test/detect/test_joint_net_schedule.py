@@ -16,7 +16,7 @@ from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.detect.tuning import DetectTuning
 
 STEP_NS = 33_000_000
-CAMERA = Camera(32, 24, 30.0, 30.0, 15.5, 11.5)
+CAMERA = Camera(32, 24, 100.0, 100.0, 15.5, 11.5)
 
 
 def at(x: float, label: int = 1, z: float = 3.0) -> TorsoDetection:
