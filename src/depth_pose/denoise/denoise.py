@@ -56,7 +56,8 @@ def denoise_depth(
     (h, w) float32
         Projected depth, metres; 0 where there was none and where a point was an outlier.
     """
-    # Ye et al. eqs. 2 and 4: x and y follow the depth along the pixel's ray, so depth is all that moves
+    # Ye et al. eq. 2: x and y follow the depth along the pixel's ray, so depth is all that moves
+    # Ye et al. eq. 4: also in further iterations, if `denoise.iterations` is above 1
     h, step = tuning.support_radius, kernels.step_of(depth, tuning.support_radius, camera.fx)
     projected = depth
     for k in range(config.iterations):
