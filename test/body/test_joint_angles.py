@@ -138,3 +138,18 @@ def test_wrong_input_is_refused() -> None:
         depth_pose.joint_angles(person(), up=[0.0, 1.0])
     with pytest.raises(KeyError, match="left_knee_flexion"):
         depth_pose.joint_angles(person())["left_knee"]
+
+
+def test_doubt_that_all_joints_share_is_no_doubt_about_angles() -> None:
+    """Carried covariances: depth of the whole body is unsure; then also the left wrist."""
+    one = person(left_elbow_flexion=60, right_elbow_flexion=60)
+    shared = np.tile(np.diag([1e-4, 1e-4, 4e-4]), (19, 1, 1))
+    own = shared.copy()
+    own[JOINT_INDEX["left_wrist"]] += 0.04**2 * np.eye(3)
+    values = {"quats_xyzw": one.quats_xyzw}
+    alike, doubtful = (
+        joint_angles(make_skeleton(one.positions, covariances=c, **values), UP) for c in (shared, own)
+    )
+    np.testing.assert_allclose(alike.deviations, joint_angles(one, UP).deviations, rtol=1e-6)
+    assert doubtful["left_elbow_flexion"].deviation > 1.5 * alike["left_elbow_flexion"].deviation
+    assert doubtful["right_elbow_flexion"].deviation == pytest.approx(alike["right_elbow_flexion"].deviation)

@@ -397,7 +397,11 @@ _LEAST_MM = ((0.25, 0.65, 0.9, 0.97), (110.0, 80.0, 45.0, 0.0))
 def joint_covariances(
     joint_confidence: NDArray[np.floating], carried: NDArray[np.floating] | None = None
 ) -> Array:
-    """Covariances of joints: those that the skeletons carry, else by their confidence.
+    """Covariances of joints against the rest of the body: carried or by confidence, whichever is larger.
+
+    What all carried ones have in common is doubt about where the body is as a whole, which no angle depends
+    on: the least one of a person's joints is taken from each, and that of a surely known joint is added. They
+    are of small errors; that a joint may be elsewhere, its confidence tells.
 
     Parameters
     ----------
@@ -410,10 +414,16 @@ def joint_covariances(
     (..., 19, 3, 3) float64
         Square metres; by confidence the same in all directions.
     """
-    sure = np.array([_SURE_MM[name.rpartition("_")[2]] for name in JOINTS])
-    deviation = 1e-3 * np.maximum(sure, np.interp(np.asarray(joint_confidence, np.float64), *_LEAST_MM))
-    supposed = deviation[..., None, None] ** 2 * np.eye(3)
+    sure = 1e-3 * np.array([_SURE_MM[name.rpartition("_")[2]] for name in JOINTS])
+    doubt = 1e-3 * np.interp(np.asarray(joint_confidence, np.float64), *_LEAST_MM)
+    supposed = np.maximum(sure, doubt)[..., None, None] ** 2 * np.eye(3)
     if carried is None:
         return np.asarray(supposed)
-    known = np.isfinite(carried).all(axis=(-2, -1), keepdims=True)
-    return np.asarray(np.where(known, carried, supposed))
+    known = np.isfinite(carried).all(axis=(-3, -2, -1), keepdims=True)
+    whole = np.where(known, np.asarray(carried, np.float64), supposed)
+    surest = np.argmin(np.trace(whole, axis1=-2, axis2=-1), axis=-1)[..., None, None, None]
+    values, axes = np.linalg.eigh(whole - np.take_along_axis(whole, surest, axis=-3))
+    own = (axes * np.maximum(values, 0.0)[..., None, :]) @ np.swapaxes(axes, -1, -2)
+    carried = own + sure[:, None, None] ** 2 * np.eye(3)
+    is_larger = np.trace(carried, axis1=-2, axis2=-1) > np.trace(supposed, axis1=-2, axis2=-1)
+    return np.where(known & is_larger[..., None, None], carried, supposed)
