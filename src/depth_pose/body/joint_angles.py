@@ -420,7 +420,7 @@ def joint_covariances(
     if carried is None:
         return np.asarray(supposed)
     known = np.isfinite(carried).all(axis=(-3, -2, -1), keepdims=True)
-    whole = np.where(known, np.asarray(carried, np.float64), supposed)
+    whole = np.where(known, np.asarray(carried, np.float64), 0.0)
     surest = np.argmin(np.trace(whole, axis1=-2, axis2=-1), axis=-1)[..., None, None, None]
     values, axes = np.linalg.eigh(whole - np.take_along_axis(whole, surest, axis=-3))
     own = (axes * np.maximum(values, 0.0)[..., None, :]) @ np.swapaxes(axes, -1, -2)
