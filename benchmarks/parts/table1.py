@@ -74,7 +74,7 @@ def run(bank: Bank, paths: list[Path], method: str, step: int) -> dict[str, Vari
         f"{method}, all": PosePipeline(bank, PipelineConfig(refine=refine)),
         f"{method}, no denoising": PosePipeline(bank, PipelineConfig(refine=refine, denoise=RAW[0]), RAW[1]),
     }
-    nearest = make_matcher(bank, MatchTuning(shortlist=1, keep=1, search_every=1))
+    nearest = make_matcher(bank, MatchTuning(shortlist=1, keep=1, keep_unmeasured=1, search_every=1))
     found: dict[str, Variant] = {name: [] for name in (*pipelines, "no refinement", "nearest, unrefined")}
     for path in paths:
         truth = load_truth(path.with_suffix(".npz"))

@@ -65,7 +65,7 @@ def test_an_answer(bank, matcher):
     (match,) = matcher.match(seen_as_in_the_bank(bank, 77, 2)[1])
     assert (match.body_id, match.bank_id) == ("body_1", bank.bank_id)
     assert match.scale == 1.0
-    assert 1 <= len(match.candidates) <= MatchTuning().keep
+    assert 1 <= len(match.candidates) <= MatchTuning().keep_unmeasured
     scores = [c.score for c in match.candidates]
     assert scores == sorted(scores)
     for c in match.candidates:

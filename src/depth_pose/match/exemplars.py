@@ -106,8 +106,9 @@ class ExemplarSource:
             found.append((upright.views, upright.all, head_axes(points, scale)))
         return join([place_exemplars(*one, scale) for one in found])
 
-    def keep_different(self, placed: Placed) -> tuple[Candidate, ...]:
-        """Return the best few candidates with different poses."""
+    def keep_different(self, placed: Placed, *, is_measured: bool) -> tuple[Candidate, ...]:
+        """Return the best few candidates with different poses, more of them without measured joints."""
+        most = self.tuning.keep if is_measured else self.tuning.keep_unmeasured
         return tuple(
             Candidate(
                 exemplar=int(placed.exemplars[k]),
@@ -117,7 +118,7 @@ class ExemplarSource:
                 distance=float(placed.distances[k]),
                 score=float(placed.scores[k]),
             )
-            for k in keep_different(placed.nodes, _SAME_POSE_M, self.tuning.keep)
+            for k in keep_different(placed.nodes, _SAME_POSE_M, most)
         )
 
 

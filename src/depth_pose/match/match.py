@@ -108,7 +108,7 @@ class Matcher:
             scale, placed = source.find(person, sizes.so_far(search))
             if not sizes.is_known(search):
                 search = sizes.add(search, person, source.pose(placed, 0, scale))
-            found = source.keep_different(placed)
+            found = source.keep_different(placed, is_measured=person.measured is not None)
             match = PoseMatch(person.body_id, self.bank.bank_id, sizes.scale(search), found)
             schedule = turns.keep(schedule, person, match, every)
         return state._replace(schedule=schedule, shape=state.shape._replace(search=search)), match

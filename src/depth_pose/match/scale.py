@@ -36,8 +36,8 @@ _MORE = 1.2
 """Factor by which more of a cut-off person must be visible before the size is estimated again."""
 
 _WHOLE_FRAMES = 5
-"""Consecutive frames in which a formerly cut-off person is whole before the size is estimated again; set
-by hand."""
+"""Consecutive frames in which a formerly cut-off person is whole before the size is estimated again; 2 and
+10 err as much."""
 
 
 class Trial(Protocol):

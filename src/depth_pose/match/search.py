@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from depth_pose.match import _search_kernels as kernels
 
 _HEAD = 24
-"""Number of dimensions in which every entry is compared; affects only speed; set by hand."""
+"""Number of dimensions in which every entry is compared; affects only speed."""
 
 
 @dataclass(frozen=True)

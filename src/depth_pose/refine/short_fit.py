@@ -8,12 +8,9 @@ from depth_pose.body.pose import BodyPose
 from depth_pose.refine.articulated import ArticulatedFitter
 from depth_pose.track.person_view import PersonView
 
-_POINTS = 400
-"""Number of points, half of a full fit (`FitTuning.max_points`); set by hand."""
-
 
 class ShortFit:
-    """Fits poses with fewer points than the solver does, and without measured joints.
+    """Fits poses with half of the points that the solver uses, and without measured joints.
 
     Parameters
     ----------
@@ -25,11 +22,11 @@ class ShortFit:
 
     def scorer(self, person: PersonView) -> Callable[[BodyPose], float]:
         """Return a function that fits from a start, and returns the rendered-depth disagreement."""
-        target, comparer = person.target(_POINTS, with_proposals=False), person.comparer
-        body, sigmas = self._fitter.body, self._fitter.tuning.trial
+        body, tuning, comparer = self._fitter.body, self._fitter.tuning, person.comparer
+        target = person.target(tuning.max_points // 2, with_proposals=False)
 
         def score(start: BodyPose) -> float:
-            pose = self._fitter.fit(target, start, sigmas).pose
+            pose = self._fitter.fit(target, start, tuning.trial).pose
             posed = body.pose(pose.rotations, pose.root, pose.scale)
             return comparer.compare(posed.vertices, body.faces).score
 

@@ -23,8 +23,9 @@ Source = Literal["previous", "carried", "exemplar", "joints", "camera"]
 """Sources of a pose: the previous answer; the last body, carried over after a failure; an exemplar of the
 bank; limbs turned to measured joints; one camera's answer of several."""
 
-_ROUGHS = 2
-"""Number of fresh starts, the best after a glance, that are fitted roughly."""
+_ROUGHS, _UNMEASURED_ROUGHS = 2, 4
+"""Number of fresh starts, the best after a glance, that are fitted roughly: with measured joints (1 and 4 err
+as much), and without, where only the fit tells the facing."""
 
 _CALM = 0.5
 """Mean distance of the previous pose from the measured joints (standard deviations) below which nothing else
@@ -34,10 +35,11 @@ _FOLLOWED = ("previous", "carried")
 """Sources of the starts from the previous frame."""
 
 _NEARLY = 0.04
-"""A second pose is fitted finely, too, if its score is at most this much higher than the best."""
+"""A second pose is fitted finely, too, if its score is at most this much higher than the best; flat between
+.02 and .08."""
 
 _SAME_M = 0.03
-"""Minimum distance (m) of some joint from the best pose, for that second fine fit."""
+"""Minimum distance (m) of some joint from the best pose, for that second fine fit; flat to .06."""
 
 
 class Hypothesis(NamedTuple):
@@ -114,7 +116,7 @@ def solve(
     if fits and (is_calm or (is_measured and fits[0].terms.away < _CALM)):
         return problem.finish(fits[0])
     if fresh := [h for h in starts if h.source not in _FOLLOWED]:
-        fits.append(_fit_best(fresh, problem, _ROUGHS))
+        fits.append(_fit_best(fresh, problem, _ROUGHS if is_measured else _UNMEASURED_ROUGHS))
     fits = [_turn_limbs(fit, problem) for fit in fits]
     best = min(fits, key=_by_score)
     return min((problem.finish(f) for f in fits if f is best or _is_worth_it(f, best)), key=_by_score)

@@ -14,11 +14,11 @@ from depth_pose.core.types import BACKGROUND, PERSON, TrackedPerson
 from depth_pose.track.person_view import FramePeople, see_people
 
 _CAMERA = Camera(width=176, height=144, fx=200.0, fy=200.0, cx=87.5, cy=71.5)
-"""Camera of the sample image, pixels; set by hand."""
+"""Camera of the sample image, pixels."""
 _SIGMA_M = 0.05
-"""Standard deviation of the sample person's proposals (m); set by hand."""
+"""Standard deviation of the sample person's proposals (m)."""
 SAMPLE_DISTANCE_M = 3.2
-"""Distance from the camera to the sample person (m); set by hand."""
+"""Distance from the camera to the sample person (m)."""
 
 
 def sample_people(bank: Bank) -> FramePeople:
