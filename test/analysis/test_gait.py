@@ -91,3 +91,12 @@ def test_what_a_recording_does_not_show_is_refused_with_the_reason(
     found = measures_of(write(tmp_path / "walk.mcap", skeletons, knows_floor))
     assert all(not m.is_known and np.isnan(m.value) for m in found.values())
     assert all(reason in m.reason for m in found.values())
+
+
+def test_five_frames_a_second_are_too_few(tmp_path):
+    (person,) = analyse_recording(
+        write(tmp_path / "walk.mcap", skeletons_of(walk_straight(5.0, SECONDS, 0)))
+    ).people
+    for part, least in ((person.gait, 15), (person.rising, 10), (person.sway, 10)):
+        assert {m.reason for m in part.measures} == {f"5.0 frames a second are too few; {least} are needed"}
+    assert any(not r.reason for r in person.ranges)

@@ -25,7 +25,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import find_peaks
 
-from depth_pose.analysis.measures import Array, Measure, mean_of, refused
+from depth_pose.analysis.measures import Array, Measure, mean_of, refused, too_slow
 from depth_pose.analysis.motion import Motion, runs
 from depth_pose.core.rotations import unit_vectors
 from depth_pose.core.skeleton import JOINT_INDEX
@@ -54,6 +54,8 @@ _SCALE = 0.013
 ``python benchmarks/angles.py gait``."""
 _STEP_OFF_M = 0.005
 """Deviation of the mean step length and width that all steps of a recording share, metres."""
+_LEAST_RATE_HZ = 15.0
+"""Minimum number of frames a second. Set by hand: a step has then seven or more."""
 LEAST_STEPS = 4
 """Minimum number of steps for any number about gait: two of each foot."""
 LEAST_SURE = 0.6
@@ -132,8 +134,11 @@ class Gait:
 def analyse_gait(motion: Motion) -> Gait:
     """Find straight walks and their steps, and average them.
 
-    Where there are fewer than `LEAST_STEPS` steps, or the feet are too unsure, the measures say why.
+    Where there are too few frames a second, fewer than `LEAST_STEPS` steps, or the feet are too unsure, the
+    measures say why.
     """
+    if reason := too_slow(motion.rate_hz, _LEAST_RATE_HZ):
+        return Gait((), refused(GROUP, NAMES, reason))
     parts = _straight_parts(motion)
     if not parts:
         return Gait((), refused(GROUP, NAMES, f"nobody walks straight for {_LEAST_S:.0f} s or more"))

@@ -86,6 +86,13 @@ def mean_of(values: Array, each: float = 0.0, common: float = 0.0) -> Mean:
     return Mean(float(known.mean()), deviation, len(known))
 
 
+def too_slow(rate_hz: float, least_hz: float) -> str:
+    """Return the reason for refusing a recording of too few frames a second; empty where there are enough."""
+    if rate_hz >= 0.95 * least_hz:
+        return ""
+    return f"{rate_hz:.1f} frames a second are too few; {least_hz:.0f} are needed"
+
+
 def refused(group: str, names: dict[str, str], reason: str) -> tuple[Measure, ...]:
     """Return measures without values for a reason; ``names`` has their units."""
     nan = float("nan")

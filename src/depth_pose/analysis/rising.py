@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from depth_pose.analysis.measures import Array, Measure, mean_of, refused
+from depth_pose.analysis.measures import Array, Measure, mean_of, refused, too_slow
 from depth_pose.analysis.motion import Motion, runs
 
 GROUP = "rising from a chair"
@@ -30,6 +30,8 @@ _PELVIS_PER_LEG = 1.14
 _LOW, _HIGH = 0.05, 0.95
 """Parts of the way from sitting to standing between which a rise is timed. Set by hand: beyond them the
 pelvis hardly moves."""
+_LEAST_RATE_HZ = 10.0
+"""Minimum number of frames a second. Set by hand: a rise takes about a second."""
 _LONGEST_S = 6.0
 """Maximum duration of a rise. Set by hand."""
 _EVENT_S = 0.03
@@ -77,6 +79,8 @@ def pelvis_share(motion: Motion) -> Array:
 
 def analyse_rising(motion: Motion) -> Rising:
     """Find rises from a chair, count and time them."""
+    if reason := too_slow(motion.rate_hz, _LEAST_RATE_HZ):
+        return Rising((), refused(GROUP, NAMES, reason))
     share = pelvis_share(motion)
     with np.errstate(invalid="ignore"):
         state = np.where(share > _STAND, 1, np.where(share < _SIT, -1, 0))

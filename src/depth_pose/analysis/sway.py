@@ -14,7 +14,7 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 from scipy.stats import chi2
 
-from depth_pose.analysis.measures import Array, Mask, Measure, refused
+from depth_pose.analysis.measures import Array, Mask, Measure, refused, too_slow
 from depth_pose.analysis.motion import Motion, runs
 from depth_pose.analysis.rising import pelvis_share
 from depth_pose.core.rotations import unit_vectors
@@ -38,6 +38,9 @@ _UPRIGHT = 0.9
 """Minimum height of the pelvis as a share of that on straight legs."""
 _BAND_HZ = 1.0
 """Sway of the centre of mass is slower than this, measuring noise is not. Winter 1995: .2 to .5 Hz."""
+
+_LEAST_RATE_HZ = 10.0
+"""Minimum number of frames a second. Set by hand: ten times the band."""
 
 _SEGMENTS: tuple[tuple[str, str, float, float], ...] = (
     ("neck", "head", 0.068, 1.0),
@@ -81,6 +84,8 @@ def centre_of_mass(joints: Array) -> Array:
 
 def analyse_sway(motion: Motion) -> Sway:
     """Find the longest time of standing still, and measure the sway in it."""
+    if reason := too_slow(motion.rate_hz, _LEAST_RATE_HZ):
+        return Sway(np.zeros((0, 2)), np.zeros(0), refused(GROUP, NAMES, reason))
     first, end = max(_standing(motion), key=lambda part: part[1] - part[0], default=(0, 0))
     seconds = (end - first) / motion.rate_hz
     if seconds < LEAST_S:
