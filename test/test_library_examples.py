@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
+import socket
 import sys
+from ctypes import POINTER, c_uint16
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
@@ -15,6 +17,7 @@ from depth_pose.core.open3d import load_open3d
 from depth_pose.core.types import DepthFrame
 from depth_pose.detect.sample_frame import sample_frame
 from depth_pose.io.mcap_write import DepthWriter
+from osc_reader import read_osc
 
 o3d = load_open3d()  # before the examples import it themselves
 
@@ -128,3 +131,49 @@ def test_live_plot(tmp_path, frame, monkeypatch):
     picture = np.asarray(Image.open(tmp_path / "last.png").convert("RGB")).astype(int)
     orange = (abs(picture - [255, 165, 0]) < 40).all(axis=2)
     assert orange.sum() > 200  # the skeleton's lines
+
+
+def test_openni2(frame, depth_mm, capsys, monkeypatch):
+    """Frames as OpenNI2 gives them, fed from an array; what it sends is read by another reader of OSC."""
+    camera = frame.camera
+    left = 2
+
+    class Stream:
+        def start(self):
+            pass
+
+        def get_video_mode(self):
+            return SimpleNamespace(resolutionX=camera.width, resolutionY=camera.height)
+
+        def get_horizontal_fov(self):
+            return 2.0 * np.arctan(0.5 * camera.width / camera.fx)
+
+        def get_vertical_fov(self):
+            return 2.0 * np.arctan(0.5 * camera.height / camera.fy)
+
+        def read_frame(self):
+            nonlocal left
+            if not left:
+                raise KeyboardInterrupt
+            left -= 1
+            return SimpleNamespace(
+                timestamp=40_000 * (2 - left),
+                width=camera.width,
+                height=camera.height,
+                get_buffer_as_uint16=lambda: (
+                    depth_mm.ctypes.data_as(POINTER(c_uint16 * depth_mm.size)).contents
+                ),
+            )
+
+    device = SimpleNamespace(create_depth_stream=Stream)
+    sdk = SimpleNamespace(initialize=lambda: None, Device=SimpleNamespace(open_any=lambda: device))
+    monkeypatch.setitem(sys.modules, "openni", SimpleNamespace(openni2=sdk))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(("127.0.0.1", 0))
+        receiver.settimeout(20.0)
+        with pytest.raises(KeyboardInterrupt):
+            example("openni2").main(["--osc", str(receiver.getsockname()[1])])
+        assert list(read_osc(receiver.recv(65536))) == [("/depth_pose/people", ["body_1"])]
+        assert len(list(read_osc(receiver.recv(65536)))) == 20
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[4] for line in lines] == ["body_1", "body_1"]

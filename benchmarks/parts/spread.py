@@ -50,7 +50,7 @@ def measure(pipeline: PosePipeline, path: Path) -> Iterator[tuple[np.ndarray, ..
             frames[skeleton.body_id] = frames.get(skeleton.body_id, 0) + 1
             error, deviation = in_ray_axes(skeleton, truth.joints[at, person])
             motion = np.full((19, 2, 3), np.nan)
-            if frames[skeleton.body_id] >= _SETTLED:
+            if frames[skeleton.body_id] >= _SETTLED and len(skeleton.velocities):
                 motion[:, 0], motion[:, 1] = skeleton.velocities, true_velocity[at, person]
             yield error, deviation, skeleton.joint_states, motion
 

@@ -20,6 +20,7 @@ def found(places, across=0.05, along=0.05):
     return JointMeasurement(np.asarray(places, np.float32), sigmas, confidences)
 
 
+SEEN = np.zeros(len(JOINTS), np.uint8)
 SURE, EVEN = np.full(len(JOINTS), 1.0), np.full(len(JOINTS), 0.5)
 
 
@@ -71,11 +72,11 @@ def test_covariances_are_those_of_the_mean():
     proposed = FITTED + [0.1, -0.05, 0.08]
     measured = weigh_joints(FITTED, 0.6, EVEN, found(proposed, 0.04, 0.15))
     of_fit = (0.01**2 + (0.3 * 0.35) ** 2 + 0.07**2) * np.eye(3)
-    computed = covariances(proposed, measured.variance)
+    computed = covariances(proposed, measured.variance, SEEN)
     for place, covariance in zip(proposed, computed, strict=True):
         ray = np.outer(place, place) / (place @ place)
         of_net = (0.04**2 + 0.02**2) * (np.eye(3) - ray) + (0.15**2 + 0.02**2) * ray
         expected = np.linalg.inv(np.linalg.inv(of_fit) + np.linalg.inv(of_net))
         np.testing.assert_allclose(covariance, expected, atol=1e-9)
-    alone = covariances(FITTED, weigh_joints(FITTED, 0.6, EVEN, None).variance)
-    np.testing.assert_allclose(alone, np.broadcast_to(of_fit, (19, 3, 3)), atol=1e-12)
+    alone = covariances(FITTED, weigh_joints(FITTED, 0.6, EVEN, None).variance, SEEN + 1)
+    np.testing.assert_allclose(alone, np.broadcast_to(1.4**2 * of_fit, (19, 3, 3)), atol=1e-12)

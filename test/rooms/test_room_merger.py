@@ -103,6 +103,26 @@ def test_a_hand_over_keeps_the_id_and_the_place():
     assert errors(room, answers[3:]).max() < 0.12
 
 
+@pytest.mark.parametrize("seed", [3, 5, 7])
+def test_on_a_slow_machine_one_person_keeps_one_id(seed):
+    """Two cameras of 1 to 7 frames a second, whose messages come .3 to 1.5 s after their stamps."""
+    room = Room([Eye(seed=seed), Eye(seed=seed + 50)], lambda t: [(np.cos(0.6 * t), np.sin(0.6 * t))])
+    rng, sent = np.random.default_rng(seed), []
+    for camera in range(2):
+        t, last = 100.0, 0.0
+        while t < 140.0:
+            t += rng.uniform(0.15, 0.9)
+            last = max(last + 0.01, t + rng.uniform(0.3, 1.5))
+            sent.append((last, camera, t))
+    answers = []
+    for arrival, camera, t in sorted(sent):
+        room.delays[camera] = arrival - t
+        room.frame(camera, t)
+        answers += room.merger.skeletons_at(round(t * S))
+    assert {s.body_id for s in answers} == {"person_1"} and len(answers) > 50
+    assert any("stopped" in line for line in room.merger.watch.news())
+
+
 def test_a_camera_stops_and_returns():
     room = Room([Eye(seed=3), Eye(seed=4)], circle)
     room.run(2.0)

@@ -9,7 +9,8 @@ across and along its ray. The joint is the mean weighted by inverse covariances,
    \sigma_f^2 = \sigma_0^2 + k^2 \max(0, s - s_0)^2 + c^2 (1 / p_j - 1),
 
 with the covariance :math:`C_j` of `depth_pose.refine.articulated`, but a smaller floor. The published
-covariance is that of this mean, :math:`(\sigma_f^{-2} 1 + C_j^{-1})^{-1}`, before the low-pass filter;
+covariance is that of this mean, :math:`(\sigma_f^{-2} 1 + C_j^{-1})^{-1}`, before the low-pass filter, and
+wider where the joint is not seen;
 ``benchmarks/accuracy.py spread`` compares it with errors.
 """
 
@@ -21,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.measurement import JointMeasurement
+from depth_pose.core.skeleton import JointState
 
 _FIT_M, _FIT_RISE_M, _FIT_SCORE = 0.01, 0.3, 0.25
 """Standard deviation of a good fit (m), its rise with the score (m), and the score where the rise begins;
@@ -35,6 +37,10 @@ _LEAST, _MOST = 0.02, 0.998
 
 _SHARED_M = 0.02
 """Standard deviation (m) added to each proposal's; set by hand."""
+
+
+_UNSEEN = 1.4
+"""Factor on the published deviations of joints that are hidden or outside of the image; chosen on 22 clips."""
 
 
 class Measured(NamedTuple):
@@ -88,7 +94,9 @@ def weigh_joints(
     return Measured(joints, share, (1.0 - share) * of_fit)
 
 
-def covariances(joints: NDArray[np.float64], variance: NDArray[np.float64]) -> NDArray[np.float64]:
+def covariances(
+    joints: NDArray[np.float64], variance: NDArray[np.float64], states: NDArray[np.uint8]
+) -> NDArray[np.float64]:
     """Compute the covariances (19, 3, 3) of fused joints, camera frame, m^2.
 
     Parameters
@@ -97,7 +105,10 @@ def covariances(joints: NDArray[np.float64], variance: NDArray[np.float64]) -> N
         Camera frame, metres.
     variance : (19, 2) float64
         As in `Measured`.
+    states : (19,) uint8
+        `depth_pose.core.skeleton.JointState` values; what is not seen is wider (`_UNSEEN`).
     """
     ray = joints / np.linalg.norm(joints, axis=1, keepdims=True)
-    across, along = variance.T[..., None, None]
+    widened = np.where(states == JointState.SEEN, 1.0, _UNSEEN**2)
+    across, along = (widened * variance.T)[..., None, None]
     return across * np.eye(3) + (along - across) * ray[:, :, None] * ray[:, None, :]

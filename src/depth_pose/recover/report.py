@@ -52,5 +52,5 @@ def to_skeleton(person: PersonView, answer: Fitted) -> Skeleton:
         joint_confidence=joint_confidence.astype(np.float32),
         joint_states=seen.states,
         build=answer.build,
-        covariances=covariances(joints, fused.variance),
+        covariances=covariances(joints, fused.variance, seen.states),
     )

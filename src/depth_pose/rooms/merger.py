@@ -23,7 +23,7 @@ from depth_pose.rooms.sides import agree_on_sides
 from depth_pose.rooms.sightings import RoomSighting
 from depth_pose.rooms.timelines import Timelines
 from depth_pose.rooms.tracks import RoomTracks
-from depth_pose.rooms.watch import CLOCK_S, CameraWatch
+from depth_pose.rooms.watch import CLOCK_S, CameraState, CameraWatch
 from depth_pose.track.state import FilterState
 
 SEEN_NS = 200_000_000
@@ -148,11 +148,11 @@ class RoomMerger:
         names = [s.body_id for s in skeletons] if ids is None else ids
         is_bad = self.watch.count_people(camera, names, now_s)
         T, stamp_ns = self.T_room_camera[camera], self.room_stamp_ns(camera, stamp_ns)
-        if time.apart_s:
-            self.watch.reject(camera, time.apart_s, time.other)
-            is_bad = True
         if T is None or is_bad:
             self.tracks.leave_out(camera)
+        if time.apart_s:
+            self.watch.reject(camera, time.apart_s, time.other)
+        if T is None or is_bad or time.apart_s:
             self.check(now_s)
             return False
         placed = [place(s, T, self.frame_id) for s in skeletons if not s.is_lost]
@@ -178,7 +178,8 @@ class RoomMerger:
         Call it also while nothing arrives.
         """
         for camera in self.watch.check(now_s):
-            self.tracks.leave_out(camera)
+            if self.watch.cameras[camera].state == CameraState.MOVED:
+                self.tracks.leave_out(camera)  # of others only the time is wrong: their people keep their ids
             self._fit.forget(camera)
         self._correct_clocks()
         if not 0.0 <= now_s - self._judged_s < self._fit.period_s:

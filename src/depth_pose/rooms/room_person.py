@@ -137,7 +137,7 @@ class RoomPerson:
     def gain(self, camera: int, stamp_ns: int, sighting: RoomSighting) -> float:
         """Compute the gain (nats) of linking a sighting to this person."""
         linked, others = self.has(camera, sighting.body_id), self.fresh(stamp_ns, without=camera)
-        last = max(self.views.values(), key=lambda v: v.stamp_ns)
+        last = min(self.views.values(), key=lambda v: abs(stamp_ns - v.stamp_ns))
         unseen_s = 0.0 if others else abs(stamp_ns - last.stamp_ns) * 1e-9
         spread = _SPREAD_M + _SPREAD_M_S * unseen_s
         distance = self.distance(sighting, others or [last], stamp_ns)

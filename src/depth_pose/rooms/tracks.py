@@ -26,7 +26,7 @@ _MOST_PEOPLE = 100
 """Maximum number of people who are remembered; set by hand."""
 
 _BACK_NS = 1_000_000_000
-"""A jump back of the stamps by more than this (ns) begins a new session; set by hand."""
+"""A jump back of a camera's stamps by more than this (ns) begins a new session; set by hand."""
 
 _JUMP_M = 1.5
 """Maximum distance (m) at which a moved camera suddenly sees the same person; set by hand."""
@@ -78,6 +78,7 @@ class RoomTracks:
         self.same: dict[str, str] = {}
         self._near: dict[tuple[int, int, float], int] = {}
         self._newest_ns = 0
+        self._newest_of: dict[int, int] = {}
 
     def person(self, room_id: str) -> RoomPerson | None:
         """Return the person with an id; None if there is none."""
@@ -100,8 +101,9 @@ class RoomTracks:
         tuple of str
             The room id of each, all different: ``person_1`` and so on.
         """
-        if stamp_ns < self._newest_ns - _BACK_NS:
+        if stamp_ns < self._newest_of.get(camera, 0) - _BACK_NS:
             self.reset()
+        self._newest_of[camera] = stamp_ns
         self._newest_ns = max(self._newest_ns, stamp_ns)
         self.people = [p for p in self.people if self._newest_ns - p.seen_ns <= FORGET_NS]
         if len(self.people) > _MOST_PEOPLE:
