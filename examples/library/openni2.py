@@ -1,4 +1,4 @@
-"""Find skeletons with an OpenNI2 camera (Xtion, Astra, Kinect v1), without ROS, and send them to other programs.
+"""Find skeletons with an OpenNI2 camera (Xtion, Astra, Kinect v1), without ROS; send them to other programs.
 
 pip install openni 'depth_pose[live]'      # and the camera's OpenNI2 library: https://structure.io/openni
 python openni2.py [--websocket 8765] [--osc 9000]

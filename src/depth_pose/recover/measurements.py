@@ -40,7 +40,7 @@ _SHARED_M = 0.02
 
 
 _UNSEEN = 1.4
-"""Factor on the published deviations of joints that are hidden or outside of the image; chosen on 22 clips."""
+"""Factor on the deviations of joints that are hidden or outside of the image; chosen on 22 clips."""
 
 
 class Measured(NamedTuple):
