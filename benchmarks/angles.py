@@ -23,6 +23,7 @@ from command_line import make_parser
 from parts.builds import sample_person
 
 from depth_pose.analysis import analyse_recording
+from depth_pose.analysis.gait import Walk
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.body.joint_angles import JOINT_ANGLES, angles_of, joint_covariances, measure_angles
 from depth_pose.core.rotations import quat_to_matrix
@@ -185,6 +186,16 @@ def true_step(joints: np.ndarray, cadence: float, fps: float) -> float:
     return float(0.5 * (steps[0::2].mean() + steps[1::2].mean()))
 
 
+def true_speed(joints: np.ndarray, fps: float, walks_found: tuple[Walk, ...]) -> float:
+    """Mean speed of the true pelvis between the first and the last strike that were found, m/s."""
+    way = seconds = 0.0
+    for walk in walks_found:
+        begin, end = (round(walk.events[k].strike * fps) for k in (0, -1))
+        way += float(np.linalg.norm(joints[end, 0] - joints[begin, 0]))
+        seconds += (end - begin) / fps
+    return way / seconds
+
+
 def gait(_: argparse.Namespace, folder: Path) -> None:
     """Print measures of gait beside the true ones."""
     head = ("cadence, steps/min", "speed, m/s", "step length, cm", "step width, cm", "stance, %", "steps")
@@ -192,15 +203,14 @@ def gait(_: argparse.Namespace, folder: Path) -> None:
     print("|---" * 8 + "|")
     for view, distance, cadence, truth, skeletons in walks(Follower(folder)):
         joints = np.load(truth)["joints"].astype(float)
-        seconds = np.ptp(np.load(truth)["stamps_ns"]) * 1e-9
         step = true_step(joints, cadence, 30.0)
-        speed = float(np.linalg.norm(joints[-1, 0] - joints[0, 0])) / seconds
         person = max(analyse_recording(skeletons).people, key=lambda one: one.motion.present.sum())
         found = {m.name: m for m in person.gait.measures if not m.side}
         stance = [m for m in person.gait.measures if m.name == "stance" and m.is_known]
         if not found["cadence"].is_known:
             print(f"| {view} | {distance} m | not known: {found['cadence'].reason} | | | | | |")
             continue
+        speed = true_speed(joints, 30.0, person.gait.walks)
         length, width = found["step length"], found["step width"]
         cells = [
             f"{found['cadence'].value:.1f} of {cadence:.1f}",

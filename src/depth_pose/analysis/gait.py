@@ -306,7 +306,7 @@ def _measures(motion: Motion, walks: tuple[Walk, ...], steps: list[_Step]) -> tu
         return Measure(GROUP, name, side, mean.value, mean.deviation, NAMES[name], mean.count, of, frames)
 
     out = [
-        Measure(GROUP, "speed", "", mean_speed, speed_sd, "m/s", len(walks), "walks", frames),
+        Measure(GROUP, "speed", "", mean_speed, speed_sd, "m/s", len(speeds), "walks", frames),
         Measure(GROUP, "cadence", "", cadence, cadence_sd, "steps/min", time.count, "steps", frames),
         *(measure("step length", s, lengths[s], step_off, "steps", _STEP_OFF_M) for s in SIDES),
         measure("step width", "", widths, step_off, "steps", _STEP_OFF_M),
@@ -359,13 +359,17 @@ def _deviation_of_ankles(motion: Motion, walks: tuple[Walk, ...]) -> float:
 
 
 def _speeds(motion: Motion, walks: tuple[Walk, ...]) -> list[tuple[float, float]]:
-    """Duration and speed of each walk."""
+    """Duration and speed of each walk between its first and last strike, along its path."""
     out = []
     place, _ = _path(motion)
     for walk in walks:
-        path = place[walk.first : walk.end]
-        seconds = float(motion.times[walk.end - 1] - motion.times[walk.first])
-        out.append((seconds, float(np.linalg.norm(path[-1] - path[0])) / seconds))
+        if len(walk.events) < 2:
+            continue
+        begin, end = walk.events[0].strike, walk.events[-1].strike
+        inside = np.flatnonzero((motion.times >= begin) & (motion.times <= end))
+        way = np.linalg.norm(np.diff(place[inside], axis=0), axis=1).sum()
+        seconds = float(motion.times[inside[-1]] - motion.times[inside[0]])
+        out.append((seconds, float(way) / seconds))
     return out
 
 

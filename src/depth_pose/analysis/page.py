@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 _COLOURS = {"left": LEFT, "right": RIGHT, "": MIDDLE}
 
 _WORDS = {
-    "speed": "Walking speed, along straight ways",
+    "speed": "Walking speed, between the first and the last strike",
     "cadence": "Steps per minute",
     "step length": "From one foot's print to the other's, along the way",
     "step width": "Between the feet, across the way",
