@@ -302,3 +302,10 @@ def test_default_path(monkeypatch, tmp_path):
     monkeypatch.delenv("DEPTH_POSE_BANK")
     assert default_bank_path().is_file()
     assert default_bank_path().is_relative_to(Path(depth_pose.__file__).parent)
+
+
+def test_a_bank_without_views_keeps_poses_and_id(bank):
+    bare = bank.without_views()
+    assert bare.bank_id == bank.bank_id and bare.poses == bank.poses
+    assert len(bare.coefficients) == len(bare.view_quats) == 0
+    np.testing.assert_array_equal(bare.rotations(3), bank.rotations(3))

@@ -122,6 +122,13 @@ class Bank:
         """Return the bank as it is read back from its file."""
         return replace(self, **_without_body(round_arrays(self._arrays())))
 
+    def without_views(self) -> Bank:
+        """Return the bank, under its id, without the views: 35 MB that the search alone needs."""
+        none: dict[str, Any] = {name: getattr(self, name)[:0].copy() for name in _OF_VIEWS}
+        bare = replace(self, **none)
+        vars(bare)["bank_id"] = self.bank_id
+        return bare
+
     def save(self, path: str | Path) -> None:
         """Write the bank, `rounded`; the file appears whole or not at all."""
         write_bank_file(path, {"bank_id": self.rounded().bank_id, **self._about()}, self._arrays())
@@ -142,6 +149,10 @@ class Bank:
         if header["bank_id"] not in (bank.bank_id, bank._digest().hexdigest()[:16]):
             raise BankError(f"{path}: the content does not match its hash; build the bank again")
         return bank
+
+
+_OF_VIEWS = ("view_quats", "view_origins", "coefficients", "mean", "components")
+"""Arrays that only the search for exemplars needs."""
 
 
 def _without_body(arrays: dict[str, NDArray[Any]]) -> dict[str, Any]:

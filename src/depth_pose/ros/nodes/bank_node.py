@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.ros.messages import people
 from depth_pose.ros.nodes.node_base import StageNode
 
 
 class BankNode(StageNode):
-    """A node whose stage needs the bank of the parameter ``bank``, which is loaded once."""
+    """A node whose stage needs the bank of the parameter ``bank``, which is loaded once.
 
+    Attributes
+    ----------
+    needs_views : bool
+        Whether it searches the bank; else the views are released.
+    """
+
+    needs_views: ClassVar[bool] = False
     _bank: Bank | None = None
 
     @property
@@ -22,7 +31,8 @@ class BankNode(StageNode):
             If the file is missing, damaged or foreign.
         """
         if self._bank is None:
-            self._bank = Bank.load(self.value("bank") or default_bank_path())
+            bank = Bank.load(self.value("bank") or default_bank_path())
+            self._bank = bank if self.needs_views else bank.without_views()
         return self._bank
 
     def prepare(self) -> None:

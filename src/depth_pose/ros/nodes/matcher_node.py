@@ -24,6 +24,7 @@ class MatcherNode(BankNode):
     LOGS_BUSY = False
     SECTIONS = ("build",)
     SETTINGS = MATCHER
+    needs_views = True
 
     def __init__(self) -> None:
         super().__init__("matcher")
