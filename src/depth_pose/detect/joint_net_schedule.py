@@ -37,8 +37,8 @@ _CALM_M2, _CHANGE_M = 0.004, 0.04
 """A person is calm while less than this area (m^2) of them has changed its depth by more than that (m). On
 development recordings no joint moves by 50 mm meanwhile; noise alone changes .001 m^2."""
 
-_SLOW_M2 = 0.02
-"""The same for one frame with high speed: a hand may move."""
+_SLOW_M2 = 0.04
+"""The same for one frame with high speed: an arm may move."""
 
 _CALM_STALE_M = 0.02
 """Standard deviation added to a calm person's measurement (m), in each frame in which it is kept."""
