@@ -36,7 +36,7 @@ _LEAST, _MOST = 0.02, 0.998
 """Confidences are clipped to this range."""
 
 _SHARED_M = 0.02
-"""Standard deviation (m) added to each proposal's; set by hand."""
+"""Standard deviation (m) added to each proposal's; flat between .01 and .04."""
 
 
 _UNSEEN = 1.4

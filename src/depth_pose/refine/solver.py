@@ -12,10 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-import numpy as np
-
 from depth_pose.body.pose import BodyPose, FittedBody
-from depth_pose.core.skeleton import JOINT_NODES
 from depth_pose.refine.body_fitter import FrameFit
 from depth_pose.refine.objective import Score
 
@@ -33,13 +30,6 @@ is tried; swept from .35 to .8: accuracy falls and speed rises throughout."""
 
 _FOLLOWED = ("previous", "carried")
 """Sources of the starts from the previous frame."""
-
-_NEARLY = 0.04
-"""A second pose is fitted finely, too, if its score is at most this much higher than the best; flat between
-.02 and .08."""
-
-_SAME_M = 0.03
-"""Minimum distance (m) of some joint from the best pose, for that second fine fit; flat to .06."""
 
 
 class Hypothesis(NamedTuple):
@@ -100,7 +90,7 @@ class Problem:
 def solve(
     starts: Sequence[Hypothesis], problem: Problem, *, is_measured: bool, is_calm: bool = False
 ) -> ScoredFit:
-    """Fit hypotheses, the best ones finely, and return the fit with the best score.
+    """Fit hypotheses roughly, and the one with the best score finely.
 
     Parameters
     ----------
@@ -118,8 +108,7 @@ def solve(
     if fresh := [h for h in starts if h.source not in _FOLLOWED]:
         fits.append(_fit_best(fresh, problem, _ROUGHS if is_measured else _UNMEASURED_ROUGHS))
     fits = [_turn_limbs(fit, problem) for fit in fits]
-    best = min(fits, key=_by_score)
-    return min((problem.finish(f) for f in fits if f is best or _is_worth_it(f, best)), key=_by_score)
+    return problem.finish(min(fits, key=_by_score))
 
 
 def _by_score(fitted: ScoredFit) -> float:
@@ -139,9 +128,3 @@ def _turn_limbs(fitted: ScoredFit, problem: Problem) -> ScoredFit:
         return fitted
     turned = _fit_best(starts, problem)
     return min(fitted, turned, key=_by_score)
-
-
-def _is_worth_it(fitted: ScoredFit, best: ScoredFit) -> bool:
-    """Check whether a rough fit is worth a fine one, given the best one."""
-    gaps = np.linalg.norm(fitted.body.nodes[JOINT_NODES] - best.body.nodes[JOINT_NODES], axis=1)
-    return fitted.score <= best.score + _NEARLY and bool(gaps.max() > _SAME_M)
