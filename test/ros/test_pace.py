@@ -22,6 +22,16 @@ def test_a_slow_machine_is_named_after_ten_seconds_and_then_once_a_minute() -> N
     assert all("12.0 of 30.0 frames a second" in line for _, line in said)
 
 
+def test_a_window_begins_with_its_first_frame() -> None:
+    pace = Pace()
+    assert not any(pace.look(0, float(now)) for now in range(30))
+    for now in range(30, 45):
+        if line := pace.look(20 * (now - 30), float(now)):
+            break
+        pace.begin()
+    assert now == 40 and "1.0 of 21.0 frames" in line
+
+
 def test_who_keeps_up_is_not_told() -> None:
     assert not lines(200, sent=30, begun=30, answered=28)
     assert not lines(200, sent=30, begun=29, answered=0)  # no recovery node

@@ -40,12 +40,12 @@ class Pace:
         now_s : float
             Monotonic clock; called once a second.
         """
-        if math.isnan(self._since_s):
+        sent = self._begun + busy - self._busy
+        if math.isnan(self._since_s) or not sent:  # a window begins with its first frame
             self._since_s, self._busy = now_s, busy
         took_s = now_s - self._since_s
         if took_s < self._window_s:
             return ""
-        sent = self._begun + busy - self._busy
         answered = self._answered or self._begun  # without a recovery node nobody says what was answered
         self._since_s, self._window_s, self._busy = now_s, EVERY_S, busy
         self._begun = self._answered = 0
