@@ -36,6 +36,26 @@ def hand_over_the_lens(depth: np.ndarray, rng: np.random.Generator) -> np.ndarra
     return np.where(np.sin(u) > 0.97, 0.0, palm)
 
 
+def covered_lens(depth: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """A palm that touches the lens: all within 10 cm."""
+    u = np.arange(depth.shape[1])
+    return 0.06 + 0.03 * np.sin(u / 9.0) + rng.normal(0.0, 0.003, depth.shape)
+
+
+def television(depth: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """The picture of a person on a flat screen; matched stereo shows its outline by a centimetre or two."""
+    wall = depth[:, :1]
+    return np.where(depth < wall - 0.05, wall - 0.02 + rng.normal(0.0, 0.008, depth.shape), wall)
+
+
+def dark_screen(depth: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """A screen that returns next to nothing, in front of a wall."""
+    wall = np.broadcast_to(depth[:, :1], depth.shape).copy()
+    screen = wall[20:100, 30:146]
+    screen[rng.random(screen.shape) < 0.9] = 0.0
+    return wall
+
+
 def sun(depth: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """One pixel in fifty measures, and half of these anything."""
     noise = rng.uniform(0.3, 8.0, depth.shape)
@@ -48,7 +68,10 @@ def single_value(depth: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return np.full_like(depth, 65.535)
 
 
-@pytest.mark.parametrize("image", [nothing, hand_over_the_lens, sun, single_value])
+COVERED = (nothing, hand_over_the_lens, covered_lens, sun, single_value)
+
+
+@pytest.mark.parametrize("image", COVERED)
 def test_nobody_is_seen_meanwhile_and_the_person_is_back(
     pipeline: PosePipeline, image: Callable[[np.ndarray, np.random.Generator], np.ndarray]
 ) -> None:
@@ -62,7 +85,7 @@ def test_nobody_is_seen_meanwhile_and_the_person_is_back(
     assert pipeline.warnings == ()
 
 
-@pytest.mark.parametrize("image", [nothing, hand_over_the_lens, sun, single_value])
+@pytest.mark.parametrize("image", [*COVERED, television, dark_screen])
 def test_a_stream_that_begins_so_finds_nobody(
     pipeline: PosePipeline, image: Callable[[np.ndarray, np.random.Generator], np.ndarray]
 ) -> None:
@@ -85,3 +108,37 @@ def test_a_mirror_shows_at_most_the_mirror_image(pipeline: PosePipeline) -> None
         for skeleton in skeletons:
             assert np.isfinite(skeleton.positions).all()
             assert 2.2 < skeleton.positions[0, 2] < 4.8, "behind the wall, as the image is"
+
+
+def glass_door(depth: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Half of the pixels return nothing, a tenth the glass, the others what is behind it."""
+    at = rng.random(depth.shape)
+    return np.where(at < 0.5, 0.0, np.where(at < 0.6, 1.5, depth))
+
+
+def sunlit_half(depth: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Direct sun on one half of the image, which hardly measures."""
+    is_lit = np.arange(depth.shape[1]) < 0.45 * depth.shape[1]
+    return np.where(is_lit & (rng.random(depth.shape) < 0.95), 0.0, depth)
+
+
+def sunlit(depth: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Sun on everything: three pixels in ten measure."""
+    return np.where(rng.random(depth.shape) < 0.7, 0.0, depth)
+
+
+@pytest.mark.parametrize("image", [glass_door, sunlit_half, sunlit])
+def test_a_poorly_seen_person_is_where_they_are_or_nobody(
+    pipeline: PosePipeline, image: Callable[[np.ndarray, np.random.Generator], np.ndarray]
+) -> None:
+    pipeline.restart()
+    frame, rng = sample_frame(), np.random.default_rng(6)
+    (clear,) = pipeline.process_frame(at(frame, 0)).skeletons
+    pipeline.restart()
+    for k in range(5):
+        skeletons = pipeline.process_frame(at(frame, k, image(frame.depth, rng))).skeletons
+        assert len(skeletons) <= 1
+        for skeleton in skeletons:
+            off = np.linalg.norm(skeleton.positions - clear.positions, axis=1)
+            assert off[skeleton.joint_confidence > 0.9].max(initial=0.0) < 0.25, "no limb is surely elsewhere"
+            assert skeleton.confidence <= clear.confidence + 0.02

@@ -7,7 +7,8 @@
 Clips (``--clips``) of 40 frames of people of other builds than the bank's, before both kinds of sensor with
 half to twice their noise, from 1.5 m, where the image cuts off their feet, to 4 m away, half of them from all
 around, from -10 to 25 degrees of elevation, in a room or in none; they move as the embedded source does and,
-with ``--mocap``, half of them as BVH files do. The pipeline runs over them as it is. Prints the figures of
+with ``--mocap``, half of them as BVH files do; and as many frames of people in homes (``depth-pose simulate
+--room --home``) before every sensor. The pipeline runs over them as it is. Prints the figures of
 `depth_pose.recover.confidence` (the probability that a joint lies within 10 cm; logistic regression), their
 calibration on the simulated clips, separately for joints that are seen, hidden and outside the image, and,
 with ``--check``, on recordings with known joints, which the fit does not use. The plot shows the confidence
@@ -46,7 +47,7 @@ from depth_pose.recover.confidence import (
     measure_joint_signs,
     skeleton_signs,
 )
-from depth_pose.sim.clips import sample_clip
+from depth_pose.sim.clips import RoomClip, sample_clip
 from depth_pose.sim.config import Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.sensor import SENSORS
@@ -57,20 +58,21 @@ RIGHT_M = 0.1
 """A joint, or a skeleton on average, that is nearer than this to the truth is right."""
 NOBODY_M = 0.4
 """A skeleton farther than this from every person is false, metres. Set by hand."""
+ANOTHER_M = 0.5
+"""Measured joints farther than this from every person, on average, show none of them. Set by hand."""
 _TRUST = 0.9
 """Factor on the confidence of recovered joints (`depth_pose.recover.recover`)."""
 
 _SEEDS, _FIRST_CLIPS, _FRAMES = (4207, 9311), 12, 40
 """Seeds of the first clips and of all others, number of the first ones, and their length."""
 
-FITTED = (
-    "outside",
-    "hidden behind oneself",
-    "outside, the other end seen",
-    "away from the proposal",
-    "sure of the proposal",
-)
-"""Features that are fitted, besides one that all kinds of joints share."""
+FIXED = ("in free space", "before the surface", "behind the surface")
+"""Features that are not fitted: they are rare, and were fitted to sixty clips without proposals."""
+
+HOME_MODELS = ("oak_d", "d435", "zed", "xtion", "azure_kinect")
+"""Sensors in homes."""
+HOME_FRAMES, HOME_FPS, HOME_WIDTH_PX, HOME_PEOPLE = 30, 15.0, 320, 2
+"""Recordings of homes."""
 
 _BINS = np.linspace(0, 1, 11)
 """Edges of the confidence bins."""
@@ -136,29 +138,50 @@ def simulated(folder: Path, clips: int, captures: list[Path]) -> Iterator[Path]:
         path.unlink()
 
 
-def measure(pipeline: PosePipeline, path: Path) -> Answers:
+def homes(clips: int) -> Iterator[tuple[list[DepthFrame], np.ndarray]]:
+    """Simulate people in homes: frames, and joints (T, P, 19, 3)."""
+    for k in range(clips):
+        rng, model = np.random.default_rng([_SEEDS[1], 1, k]), HOME_MODELS[k % len(HOME_MODELS)]
+        clip = sample_clip(rng, HOME_FRAMES, HOME_FPS, HOME_PEOPLE, HOME_WIDTH_PX, model=model, home=True)
+        yield _frames_of(clip), clip.joints
+
+
+def _frames_of(clip: RoomClip) -> list[DepthFrame]:
+    frames = zip(clip.stamps_ns, clip.depth, strict=True)
+    return [DepthFrame(int(stamp), "", depth, clip.camera) for stamp, depth in frames]
+
+
+def measure_recording(pipeline: PosePipeline, path: Path) -> Answers:
     """Run over one recording with a truth file."""
-    truth = load_truth(path.with_suffix(".npz"))
+    truth, frames = load_truth(path.with_suffix(".npz")), list(DepthReader(path))
+    nearest = [int(np.argmin(np.abs(truth.stamps_ns - frame.stamp_ns))) for frame in frames]
+    return measure(pipeline, frames, truth.joints[nearest, None])
+
+
+def measure(pipeline: PosePipeline, frames: Iterable[DepthFrame], joints: np.ndarray) -> Answers:
+    """Run over frames with known joints (T, P, 19, 3); leaves out people whose measured joints are far off."""
     kinds = np.array([[name.split("_")[-1] == kind for kind in KINDS] for name in JOINTS], float)
     rows: list[tuple[np.ndarray | float | bool, ...]] = []
     pipeline.reset()
-    for frame in DepthReader(path):
+    for frame, known in zip(frames, joints, strict=True):
         result = pipeline.process_frame(frame)
-        skeleton = result.skeleton
-        if skeleton.is_lost:
-            continue
-        (person,) = (p for p in result.people.persons if p.body_id == skeleton.body_id)
-        (fitted,) = (f for f in result.refined if f.body_id == skeleton.body_id)
-        known = truth.joints[int(np.argmin(np.abs(truth.stamps_ns - frame.stamp_ns)))]
-        error = np.linalg.norm(skeleton.positions - known, axis=1)
-        signs = measure_joint_signs(skeleton.positions, skeleton.scale, person).signs
-        score = np.full((len(JOINTS), 1), fitted.score)
-        design = np.concatenate([kinds, signs, score], axis=1)
-        of_seen = error[joints_that_count(skeleton.joint_states)].mean()
-        rows.append(
-            (error < RIGHT_M, skeleton.joint_confidence, design, of_seen < RIGHT_M,
-             skeleton.confidence, skeleton.source == Source.RECOVERED, skeleton.joint_states)
-        )  # fmt: skip
+        people = {person.body_id: person for person in result.people.persons}
+        scores = {fitted.body_id: fitted.score for fitted in result.refined}
+        for skeleton in result.skeletons:
+            person = people[skeleton.body_id]
+            assert person.measured is not None, "the default method measures joints"
+            away = np.linalg.norm(person.measured.places - known, axis=2).mean(axis=1)
+            if away.min(initial=np.inf) > ANOTHER_M:
+                continue
+            error = np.linalg.norm(skeleton.positions - known[int(np.argmin(away))], axis=1)
+            signs = measure_joint_signs(skeleton.positions, skeleton.scale, person).signs
+            score = np.full((len(JOINTS), 1), scores[skeleton.body_id])
+            design = np.concatenate([kinds, signs, score], axis=1)
+            of_seen = error[joints_that_count(skeleton.joint_states)].mean()
+            rows.append(
+                (error < RIGHT_M, skeleton.joint_confidence, design, of_seen < RIGHT_M,
+                 skeleton.confidence, skeleton.source == Source.RECOVERED, skeleton.joint_states)
+            )  # fmt: skip
     return Answers(*(np.array(column) for column in zip(*rows, strict=True))) if rows else _nothing()
 
 
@@ -189,10 +212,9 @@ def measure_rooms(pipeline: PosePipeline, clips: int) -> RoomAnswers:
     """Run over random rooms, and over as many clips of one person as `simulated` makes."""
     rows: list[tuple[np.ndarray, float, bool, bool, int]] = []
     for k in range(clips):
-        clip = sample_clip(np.random.default_rng([11, k]), frames=45, people=1 + k % 4)
-        frames = zip(clip.stamps_ns, clip.depth, strict=True)
-        images = [DepthFrame(int(stamp), "", depth, clip.camera) for stamp, depth in frames]
-        rows += _rows(pipeline, images, clip.joints, k)
+        rng = np.random.default_rng([11, k])
+        clip = sample_clip(rng, frames=45, people=1 + k % 4, home=bool(k % 2))
+        rows += _rows(pipeline, _frames_of(clip), clip.joints, k)
         print(f"\r{k + 1} of {clips} rooms", end="", flush=True)
     with tempfile.TemporaryDirectory() as folder:
         for k, path in enumerate(simulated(Path(folder), clips, [])):
@@ -258,29 +280,30 @@ def join(parts: list[Answers]) -> Answers:
     return Answers(*(np.concatenate([getattr(p, f) for p in parts]) for f in Answers.__dataclass_fields__))
 
 
-def fit(answers: Answers) -> np.ndarray:
-    """Fit the features common to all joints, `FITTED`; the other coefficients are those of the package.
+def fit(answers: Answers, weights: np.ndarray) -> np.ndarray:
+    """Fit the kinds and all features but `FIXED`, whose coefficients are those of the package.
 
-    Uses frames that needed no recovery. The features of a joint's visibility were fitted separately, to sixty
-    other clips, before there were proposals.
+    Uses frames that needed no recovery; ``weights`` (F,) of the frames.
     """
     names = [*KINDS, *SIGNS, "score"]
     now = np.array([*KINDS.values(), *SIGNS.values(), SCORE])
-    design = answers.design[~answers.recovered].reshape(-1, len(names))
-    moves = np.zeros((len(names), 1 + len(FITTED)))
-    moves[: len(KINDS), 0] = 1.0
-    moves[[names.index(n) for n in FITTED], 1 + np.arange(len(FITTED))] = 1.0
-    change = regress(design @ moves, answers.right[~answers.recovered].ravel(), design @ now)
+    chosen = ~answers.recovered
+    design = answers.design[chosen].reshape(-1, len(names))
+    moves = np.eye(len(names))[:, [n not in FIXED for n in names]]
+    weight = np.repeat(weights[chosen], len(JOINTS))
+    change = regress(design @ moves, answers.right[chosen].ravel(), design @ now, weight)
     return now + moves @ change
 
 
-def regress(design: np.ndarray, right: np.ndarray, known: np.ndarray | float = 0.0) -> np.ndarray:
-    """Logistic regression by Newton's method, with a weak pull to 0; ``known`` log-odds are added."""
+def regress(
+    design: np.ndarray, right: np.ndarray, known: np.ndarray | float = 0.0, weight: np.ndarray | float = 1.0
+) -> np.ndarray:
+    """Weighted logistic regression by Newton's method, with a weak pull to 0; adds ``known`` log-odds."""
     weights = np.zeros(design.shape[1])
     for _ in range(60):
         p = logistic(known + design @ weights)
-        hessian = design.T @ (design * (p * (1 - p))[:, None]) + np.eye(len(weights))
-        weights += np.clip(np.linalg.solve(hessian, design.T @ (right - p) - weights), -1.0, 1.0)
+        hessian = design.T @ (design * (weight * p * (1 - p))[:, None]) + np.eye(len(weights))
+        weights += np.clip(np.linalg.solve(hessian, design.T @ (weight * (right - p)) - weights), -1.0, 1.0)
     return weights
 
 
@@ -393,13 +416,19 @@ def main() -> None:
     parts = []
     with tempfile.TemporaryDirectory() as folder:
         for path in simulated(Path(folder), arguments.clips, captures):
-            parts.append(measure(pipeline, path))
+            parts.append(measure_recording(pipeline, path))
             print(f"\r{len(parts)} of {arguments.clips} clips", end="", flush=True)
+    at_home = []
+    for frames, joints in homes(arguments.clips):
+        at_home.append(measure(pipeline, frames, joints))
+        print(f"\r{len(at_home)} of {arguments.clips} homes ", end="", flush=True)
     print()
-    measured = {"simulated": join(parts)}
+    measured = {"simulated": join(parts), "homes": join(at_home)}
+    both = join(list(measured.values()))
+    counts = [len(one.right) for one in measured.values()]
+    weights = fit(both, np.repeat(0.5 * sum(counts) / np.array(counts), counts))
     if checked:
-        measured["recordings"] = join([measure(pipeline, path) for path in checked])
-    weights = fit(measured["simulated"])
+        measured["recordings"] = join([measure_recording(pipeline, path) for path in checked])
     for name, value in zip([*KINDS, *SIGNS, "score"], weights, strict=True):
         print(f'    "{name}": {value:.2f},')
     for label, answers in measured.items():

@@ -74,7 +74,8 @@ def error(answer: Skeleton | Fitted, k: int) -> float:
 def measured(result: FrameResult) -> np.ndarray:
     """The joints of a good fit, weighed against the proposals."""
     (person,), (fitted,) = result.people.persons, result.refined
-    sure = report_joints(fitted.joints, fitted.pose.scale, person, fitted.score).confidence
+    scale, score = fitted.pose.scale, fitted.score
+    sure = report_joints(fitted.joints, scale, person, score, is_compared=False).confidence
     return weigh_joints(fitted.joints, fitted.score, sure, person.measured).joints
 
 
@@ -160,7 +161,7 @@ def test_a_sure_person_is_answered_where_no_body_fits(run) -> None:
     assert answers[-1].confidence < 0.8 * run[-1].skeleton.confidence
     (person,) = run[-1].people.persons
     fitted = run[-1].refined[0]
-    sure = report_joints(fitted.joints, fitted.pose.scale, person, 0.68).confidence
+    sure = report_joints(fitted.joints, fitted.pose.scale, person, 0.68, is_compared=False).confidence
     share = weigh_joints(fitted.joints, 0.68, sure, person.measured).share
     assert np.median(share) > 0.5
 

@@ -38,7 +38,8 @@ class CompletionFitter:
         self._completer = completer
         self._space = build_space(completer.body)
 
-    def fit_to(self, person: PersonView, build: NDArray[np.float32]) -> FrameFit:
-        """Prepare the fits of a build (13,) to one frame."""
+    def fit_to(self, person: PersonView, build: NDArray[np.float32], noise: float = 0.0) -> FrameFit:
+        """Prepare the fits of a build (13,) to one frame; the registration weighs no joints by ``noise``."""
+        del noise
         points = thin(person.points, self._completer.tuning.max_points)
         return _CompletionFit(self._completer.of(self._space.body(build)), points, person)

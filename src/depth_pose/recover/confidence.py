@@ -44,59 +44,64 @@ _TOWARD = {
 """Other end of the segment that is examined for each kind of joint."""
 
 SIGNS = {
-    "hidden": 0.17,
-    "outside": -2.31,
+    "hidden": -0.01,
+    "outside": -1.40,
     "in free space": 0.57,
     "before the surface": 0.09,
     "behind the surface": 0.10,
-    "segment in free space": -2.83,
-    "segment hidden": -3.62,
-    "segment off the surface": -2.71,
-    "hidden behind oneself": -0.59,
-    "outside, the other end seen": 0.44,
-    "away from the proposal": -0.62,
-    "sure of the proposal": 3.03,
+    "segment in free space": -3.22,
+    "segment hidden": -2.18,
+    "segment off the surface": -2.33,
+    "hidden behind oneself": 0.07,
+    "outside, the other end seen": 0.92,
+    "away from the proposal": -3.95,
+    "sure of the proposal": 1.24,
 }
 """Log-odds of the observations. Hidden, in free space, hidden by the person's own body, outside next to a
 visible joint: 0 or 1. Outside: distance beyond the image border in units of 7 cm, at most 2. Before or
 behind: distance of the joint from its expected place under the surface, in those units, at most 2. Of the
-segment: shares in free space and hidden, and mean distance of the rest. Of the proposal: its confidence, 0
-to 1, and that times the joint's distance from it in units of 10 cm, at most 4."""
+segment: shares in free space and hidden, and mean distance of the rest. Of the proposal: the log-odds of its
+confidence, and that confidence, 0 to 1, times the joint's distance from it in units of 10 cm, at most 4. The
+net's own confidence counts most: a limb that is fitted where another surface lies, because its own returned
+no depth, agrees with the depth image."""
 
 _APART_UNIT_M, _MOST_APART = 0.1, 4.0
 """Unit (m) and maximum, in that unit, of the distance from the proposal in `SIGNS`."""
 
+_UNMEASURED = -0.8
+"""Log-odds of the proposal for a joint that was not measured; set by hand."""
+
 KINDS = {
-    "pelvis": 8.64,
-    "spine": 8.90,
-    "chest": 9.51,
-    "neck": 8.83,
-    "head": 9.02,
-    "shoulder": 8.40,
-    "elbow": 5.79,
-    "wrist": 4.08,
-    "hip": 8.31,
-    "knee": 6.82,
-    "ankle": 5.60,
-    "foot": 5.54,
+    "pelvis": 6.01,
+    "spine": 5.86,
+    "chest": 6.02,
+    "neck": 6.33,
+    "head": 6.32,
+    "shoulder": 5.69,
+    "elbow": 5.23,
+    "wrist": 4.76,
+    "hip": 5.76,
+    "knee": 5.69,
+    "ankle": 5.55,
+    "foot": 5.69,
 }
 """Log-odds of each kind of joint."""
 
-SCORE = -6.72
+SCORE = -5.11
 """Log-odds of the fit's rendered-depth score."""
 
 BESIDE = 0.45
 """Maximum confidence of a joint beyond the left or right border; `SIGNS` are not fitted to such people."""
 
 SKELETON_SIGNS = {
-    "always": -4.12,
+    "always": -1.90,
     "log-odds of being a person": 0.66,
-    "log-odds of the joints' mean confidence": 1.09,
-    "metres from the finder's joints": -6.64,
+    "log-odds of the joints' mean confidence": 1.11,
+    "metres from the finder's joints": -0.56,
 }
-"""Log-odds of a skeleton by its evidence, fitted to simulated cluttered rooms by ``benchmarks/accuracy.py
-confidence --rooms``. The distance from the proposals is weighted by their confidence; the rendered-depth
-score enters through the joints' confidence."""
+"""Log-odds of a skeleton by its evidence, fitted to people in simulated homes and before walls; that of being
+a person, in rooms, by ``benchmarks/accuracy.py confidence --rooms``. The distance from the proposals is
+weighted by their confidence; the rendered-depth score enters through the joints' confidence."""
 
 _LEAST_SEEN = 4
 """With fewer visible joints, a skeleton's confidence covers all joints."""
@@ -124,6 +129,7 @@ _BELOW_ALONG = _BELOW[:, None] + _SHARES * (_BELOW[_OTHER_END] - _BELOW)[:, None
 """Depths of those points below the skin, (19, 6), metres on the 1.75 m body."""
 _KIND_ODDS = np.array([KINDS[kind] for kind in _KIND])
 _SIGN_ODDS = np.array(list(SIGNS.values()))
+_AWAY = list(SIGNS).index("away from the proposal")
 
 
 @dataclass(frozen=True)
@@ -228,16 +234,22 @@ def measure_joint_signs(positions: NDArray[np.float64], scale: float, person: Pe
 
 
 def _proposal_signs(positions: NDArray[np.float64], measured: JointMeasurement | None) -> NDArray[np.float64]:
-    """Compute the distances of joints (19, 3) from the measured ones, and the confidences, (19, 2)."""
+    """Compute the distances of joints (19, 3) from the measured ones, and their log-odds, (19, 2)."""
     if measured is None:
-        return np.zeros((len(positions), 2))
+        return np.tile([0.0, _UNMEASURED], (len(positions), 1))
     sure = measured.confidence.astype(np.float64)
     apart = np.linalg.norm(positions - measured.places, axis=1) / _APART_UNIT_M
-    return np.stack([np.minimum(apart, _MOST_APART) * sure, sure], axis=1)
+    chance = sure.clip(_LEAST_CHANCE, 1.0 - _LEAST_CHANCE)
+    return np.stack([np.minimum(apart, _MOST_APART) * sure, np.log(chance / (1.0 - chance))], axis=1)
 
 
 def report_joints(
-    positions: NDArray[np.float64], scale: float, person: PersonView, score: float
+    positions: NDArray[np.float64],
+    scale: float,
+    person: PersonView,
+    score: float,
+    *,
+    is_compared: bool = True,
 ) -> JointReport:
     """Compute the visibility state and the confidence of each joint.
 
@@ -249,8 +261,12 @@ def report_joints(
     person : PersonView
     score : float
         Rendered-depth score of the fit.
+    is_compared : bool
+        Whether the distance from the measured joints counts; not before both are fused.
     """
     seen = measure_joint_signs(positions, scale, person)
+    if not is_compared:
+        seen.signs[:, _AWAY] = 0.0
     odds = _KIND_ODDS + seen.signs @ _SIGN_ODDS + SCORE * score
     confidence = logistic(odds)
     column = person.camera.fx * positions[:, 0] / positions[:, 2] + person.camera.cx

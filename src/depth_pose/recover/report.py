@@ -34,7 +34,7 @@ def to_skeleton(person: PersonView, answer: Fitted) -> Skeleton:
         In the camera frame. Its joints are those of the body, fused with the measured ones.
     """
     scale, score, source = answer.pose.scale, answer.score, answer.source
-    sure = report_joints(answer.joints, scale, person, score).confidence
+    sure = report_joints(answer.joints, scale, person, score, is_compared=False).confidence
     fused = weigh_joints(answer.joints, score, sure, person.measured)
     joints = fused.joints
     seen = report_joints(joints, scale, person, score)

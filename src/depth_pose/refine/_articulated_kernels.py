@@ -45,6 +45,10 @@ _LOOK_EVERY = 2
 _ELSEWHERE_M = 0.15
 """Joint distance (m) at which the robust weight is a quarter; it falls further beyond; set by hand."""
 
+_USUAL_NOISE_M, _MOST_NOISE = 0.02, 3.0
+"""Shared noise of the points (m) up to which proposals have their usual weight: the finest standard deviation
+of the schedule; and the multiple of it from which the weight rises no further: the coarsest."""
+
 _FOOT_SHARE = 0.5
 """Weight of the proposals of an ankle and of its heel, whose errors are alike: together they count once."""
 
@@ -351,7 +355,9 @@ def add_view(target, body, settings, sigma, k, scale, rotations, root, work, equ
     amount = target.points.shape[0] / stride / USUAL_POINTS
     weight = 2.0 * settings.free_space_weight * amount
     work.cost[1] = add_free_space(surface, target.full, target.nearest, root, weight, settings, equations)
-    weight = settings.proposal_weight * sigma**2 * amount  # the mixture lacks its 1/sigma^2
+    # the mixture lacks its 1/sigma^2; points whose noise is shared count as fewer
+    fewer = min(max(target.noise / _USUAL_NOISE_M, 1.0), _MOST_NOISE) ** 2
+    weight = settings.proposal_weight * fewer * sigma**2 * amount
     work.cost[2] = add_proposals(target.proposals, body.feet, surface, nodes, root, weight, equations)
     weight = settings.floor_weight * sigma**2 * amount
     work.cost[3] = add_floor(surface, body.feet, target.floor, root, weight, equations)

@@ -24,7 +24,8 @@ with the deviations that the joint net states across and along the ray :math:`d_
 for what all frames of a person have in common, and the robust weights :math:`\rho_j` of Geman and McClure
 (*Statistical methods for tomographic image reconstruction*, 1987). The factor :math:`\sigma^2` states them in
 the units of the mixture, whose own :math:`1 / \sigma^2` is left out: proposals decide more at the coarse
-stages, and where there are no points, as under a desk or beyond the image's border. Backs of heels, vertices
+stages, and where there are no points, as under a desk or beyond the image's border. Where points share noise,
+:math:`w` is larger (`depth_pose.refine.noise`). Backs of heels, vertices
 of the skin, are observed alike; an ankle and its heel count half each. :math:`E_{floor}` takes
 the heights of the soles above the floor, where it is known, as observations of 0, in the same units and with
 the same robust weights: balls of feet near it stand on it, and heels, which may be raised, are not below it.

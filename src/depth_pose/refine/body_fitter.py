@@ -37,8 +37,8 @@ class FrameFit(Protocol):
 class PersonFitter(Protocol):
     """A method of fitting: the articulated fit, or the paper's registration and completion."""
 
-    def fit_to(self, person: PersonView, build: NDArray[np.float32]) -> FrameFit:
-        """Prepare the fits of a build (13,) to one frame."""
+    def fit_to(self, person: PersonView, build: NDArray[np.float32], noise: float = 0.0) -> FrameFit:
+        """Prepare the fits of a build (13,) to one frame; ``noise`` as in `FitTarget`."""
 
 
 @dataclass(frozen=True)
@@ -90,9 +90,9 @@ class BodyFitter:
         """Return the data that a person's body is fitted to."""
         return person.target(self.tuning.max_points)
 
-    def fit_to(self, person: PersonView, build: NDArray[np.float32]) -> FrameFit:
-        """Prepare the fits of a build (13,) to one frame."""
-        return _ArticulatedFit(*self.both_of(build), self.target(person))
+    def fit_to(self, person: PersonView, build: NDArray[np.float32], noise: float = 0.0) -> FrameFit:
+        """Prepare the fits of a build (13,) to one frame; ``noise`` as in `FitTarget`."""
+        return _ArticulatedFit(*self.both_of(build), self.target(person)._replace(noise=noise))
 
     def both_of(self, build: NDArray[np.float32]) -> tuple[ArticulatedFitter, ArticulatedFitter]:
         """Return the fitters of one build (13,), with the whole mesh and with a coarse one."""

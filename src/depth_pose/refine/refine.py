@@ -22,6 +22,7 @@ from depth_pose.core.skeleton import Source
 from depth_pose.core.types import Candidate, PoseMatch
 from depth_pose.refine.body_fitter import BodyFitter, PersonFitter
 from depth_pose.refine.build_learner import BuildLearner
+from depth_pose.refine.noise import renew_noise, skin_noise
 from depth_pose.refine.objective import Objective
 from depth_pose.refine.solver import Problem, solve
 from depth_pose.refine.sources import from_exemplars, from_joints, from_previous
@@ -138,7 +139,7 @@ class Refiner:
         starts += from_exemplars(match, state, self.bank)
         best = solve(
             starts,
-            self._problem(person, shape),
+            self._problem(person, shape, state.answer.noise),
             is_measured=person.measured is not None,
             is_calm=person.found.is_calm,
         )
@@ -151,7 +152,9 @@ class Refiner:
             person.stamp_ns,
             is_calm=person.found.is_calm,
         )
-        state = state._replace(answer=state.answer._replace(pose=best.body.pose), shape=learned)
+        noise = renew_noise(state.answer.noise, skin_noise(person, best.terms.gap))
+        answer = state.answer._replace(pose=best.body.pose, noise=noise)
+        state = state._replace(answer=answer, shape=learned)
         return state, Fitted(
             person.body_id,
             person.stamp_ns,
@@ -162,10 +165,10 @@ class Refiner:
             best.terms.gap,
         )
 
-    def _problem(self, person: PersonView, shape: Shape) -> Problem:
+    def _problem(self, person: PersonView, shape: Shape, noise: float) -> Problem:
         """Return what the solver needs to know of one person in one frame."""
         return Problem(
-            self._fitter.fit_to(person, shape.build),
+            self._fitter.fit_to(person, shape.build, noise),
             lambda body: self._objective.score(person, body),
             lambda body: from_joints(self.bank.body, body.pose, person.measured),
         )

@@ -119,6 +119,8 @@ class Answer(NamedTuple):
     ----------
     pose : BodyPose or None
         The fit of the frame before, which the next one continues.
+    noise : float
+        Running mean of `depth_pose.refine.noise.skin_noise`, metres; 0 before the first fit.
     last : Fitted or None
         The unfiltered answer for the previous frame.
     seen : PersonView or None
@@ -132,6 +134,7 @@ class Answer(NamedTuple):
     """
 
     pose: BodyPose | None = None
+    noise: float = 0.0
     last: Fitted | None = None
     seen: PersonView | None = None
     good: Fitted | None = None

@@ -26,6 +26,9 @@ class FitTarget(NamedTuple):
     proposals : Proposals
     floor : (4,) float64
         The floor's normal, upward, and the sensor's height above it, metres; 0 where it is unknown.
+    noise : float
+        Standard deviation of the points about the skin that does not average out over neighbouring points,
+        metres, as measured in the frames before; 0 where it is unknown.
     """
 
     points: NDArray[np.float64]
@@ -34,3 +37,4 @@ class FitTarget(NamedTuple):
     nearest: NDArray[np.int32]
     proposals: Proposals
     floor: NDArray[np.float64]
+    noise: float = 0.0
