@@ -74,8 +74,10 @@ def test_every_stage_speaks_of_the_same_frame_and_person(clip, results, bank):
         assert match.bank_id == bank.bank_id
         assert refined.source == Source.REFINED
         assert len(person.points) > 1000
-        fit = report_joints(refined.joints, refined.pose.scale, person, refined.score)
-        joints = weigh_joints(refined.joints, refined.score, fit.confidence, person.measured).joints
+        scale, score = refined.pose.scale, refined.score
+        fit = report_joints(refined.joints, scale, person, score, is_compared=False)
+        fused = weigh_joints(refined.joints, score, fit.confidence, person.measured, refined.gap)
+        joints = fused.joints
         sure = skeleton_confidence(person, joints, skeleton.joint_states, skeleton.joint_confidence)
         assert skeleton.confidence == pytest.approx(sure)
         assert sure > 0.6

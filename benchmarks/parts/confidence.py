@@ -159,7 +159,7 @@ def measure_recording(pipeline: PosePipeline, path: Path) -> Answers:
 
 
 def measure(pipeline: PosePipeline, frames: Iterable[DepthFrame], joints: np.ndarray) -> Answers:
-    """Run over frames with known joints (T, P, 19, 3); leaves out people whose measured joints are far off."""
+    """Run over frames with known joints (T, P, 19, 3); leave out whose measured joints are far off."""
     kinds = np.array([[name.split("_")[-1] == kind for kind in KINDS] for name in JOINTS], float)
     rows: list[tuple[np.ndarray | float | bool, ...]] = []
     pipeline.reset()

@@ -42,7 +42,7 @@ def test_a_person_seen_from_the_front_is_all_seen(scale):
     report = _report(syn.arms_down(), distance=2.8, scale=scale)
     assert (report.states == JointState.SEEN).all()
     assert report.confidence.min() > 0.8
-    assert np.mean(report.confidence) > 0.94
+    assert np.mean(report.confidence) > 0.93
 
 
 def test_the_far_arm_of_a_profile_is_hidden():

@@ -24,6 +24,15 @@ SEEN = np.zeros(len(JOINTS), np.uint8)
 SURE, EVEN = np.full(len(JOINTS), 1.0), np.full(len(JOINTS), 0.5)
 
 
+def test_furniture_beside_a_fit_says_nothing_against_it():
+    """The disagreement is high, but where body and person overlap they are equally far away."""
+    shares = [
+        weigh_joints(FITTED, 0.5, SURE, found(FITTED), gap).share.max() for gap in (0.01, 0.03, 0.1, np.inf)
+    ]
+    assert shares[0] == weigh_joints(FITTED, 0.2, SURE, found(FITTED)).share.max()
+    assert shares[0] < shares[1] < shares[2] == shares[3]
+
+
 def test_a_fit_that_explains_the_depth_is_kept():
     measured = weigh_joints(FITTED, 0.2, SURE, found(FITTED + 0.1))
     assert (measured.share < 0.04).all()

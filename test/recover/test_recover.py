@@ -76,7 +76,7 @@ def measured(result: FrameResult) -> np.ndarray:
     (person,), (fitted,) = result.people.persons, result.refined
     scale, score = fitted.pose.scale, fitted.score
     sure = report_joints(fitted.joints, scale, person, score, is_compared=False).confidence
-    return weigh_joints(fitted.joints, fitted.score, sure, person.measured).joints
+    return weigh_joints(fitted.joints, score, sure, person.measured, fitted.gap).joints
 
 
 def moved(fitted: Fitted, nodes: np.ndarray, rotations: np.ndarray | None = None) -> Fitted:

@@ -35,7 +35,7 @@ def to_skeleton(person: PersonView, answer: Fitted) -> Skeleton:
     """
     scale, score, source = answer.pose.scale, answer.score, answer.source
     sure = report_joints(answer.joints, scale, person, score, is_compared=False).confidence
-    fused = weigh_joints(answer.joints, score, sure, person.measured)
+    fused = weigh_joints(answer.joints, score, sure, person.measured, answer.gap)
     joints = fused.joints
     seen = report_joints(joints, scale, person, score)
     joint_confidence = _JOINT_TRUST[source] * seen.confidence
