@@ -25,7 +25,7 @@ from parts.builds import sample_person
 from depth_pose.analysis import analyse_recording
 from depth_pose.analysis.gait import Walk
 from depth_pose.bank import Bank, default_bank_path
-from depth_pose.body.joint_angles import JOINT_ANGLES, angles_of, joint_covariances, measure_angles
+from depth_pose.body.joint_angles import JOINT_ANGLES, angles_of, measure_angles
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS
 from depth_pose.export.tracks import read_tracks
@@ -107,10 +107,10 @@ def angle_errors(truth: Path, skeletons: Path) -> tuple[np.ndarray, np.ndarray, 
     pelvis, thorax = (quat_to_matrix(quats[:, JOINT_INDEX[name]]) for name in ("pelvis", "chest"))
     known = angles_of(joints, pelvis, thorax, UP)
     confidence = track.joint_confidence[seen]
-    spread = joint_covariances(confidence, track.covariances[seen])
-    found, stated = measure_angles(track.positions[seen], track.quats_xyzw[seen], spread, UP)
-    sure = joint_covariances(np.ones_like(confidence))
-    shows = np.isfinite(measure_angles(joints, quats, sure, UP)[0])  # the true posture shows this angle
+    carried = track.covariances[seen]
+    found, stated = measure_angles(track.positions[seen], track.quats_xyzw[seen], confidence, carried, UP)
+    # angles that the true posture shows
+    shows = np.isfinite(measure_angles(joints, quats, np.ones_like(confidence), None, UP)[0])
     errors = np.where(shows, (found - known + 180.0) % 360.0 - 180.0, np.nan)
     apart = track.positions[seen] - joints
     return errors, stated, apart - np.median(apart, axis=1, keepdims=True), confidence

@@ -25,6 +25,8 @@ _CUTOFF_HZ = 6.0
 ed., 2009, sec. 3.4, for walking."""
 _LEAST_RATE_HZ = 3 * _CUTOFF_HZ
 """Frames a second below which nothing is filtered."""
+_CHUNK = 1000
+"""Frames whose covariances are in memory at a time."""
 UP = np.array([0.0, 0.0, 1.0])
 """Up on the floor."""
 
@@ -94,10 +96,13 @@ def motion_on_floor(track: Track, step_s: float, start_ns: int, tilt_deg: float 
         Where no frame has all joints.
     """
     track = even(whole(track), step_s)
-    covariances = joint_covariances(track.joint_confidence, track.covariances)
     joints = _low_passed(track.positions, track.present, 1.0 / step_s)
     angles, deviations = measure_angles(
-        joints, track.quats_xyzw, covariances, None if tilt_deg is None else UP
+        joints,
+        track.quats_xyzw,
+        track.joint_confidence,
+        track.covariances,
+        None if tilt_deg is None else UP,
     )
     upright = [JOINT_ANGLE_INDEX[name] for name in AGAINST_VERTICAL]
     deviations[:, upright] = np.hypot(deviations[:, upright], tilt_deg or 0.0)
@@ -109,10 +114,20 @@ def motion_on_floor(track: Track, step_s: float, start_ns: int, tilt_deg: float 
         joints=joints,
         raw=track.positions,
         sure=track.joint_confidence >= SURE,
-        deviations=np.sqrt(np.trace(covariances, axis1=-2, axis2=-1) / 3.0),
+        deviations=_deviations(track),
         angles=angles,
         angle_deviations=deviations,
     )
+
+
+def _deviations(track: Track) -> Array:
+    """Return the standard deviation of each joint in one direction, (T, 19), metres."""
+    out = np.empty(track.joint_confidence.shape)
+    for first in range(0, len(track), _CHUNK):
+        part = slice(first, first + _CHUNK)
+        covariances = joint_covariances(track.joint_confidence[part], track.covariances[part])
+        out[part] = np.sqrt(np.trace(covariances, axis1=-2, axis2=-1) / 3.0)
+    return out
 
 
 def _low_passed(joints: Array, present: Mask, rate_hz: float) -> Array:

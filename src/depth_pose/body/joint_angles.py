@@ -181,13 +181,18 @@ def joint_angles(skeleton: Skeleton, up: Array | None = None) -> JointAngles:
     if skeleton.is_lost:
         raise InputError("the skeleton is LOST: it has no joints, and so no angles")
     carried = skeleton.covariances if len(skeleton.covariances) else None
-    covariances = joint_covariances(skeleton.joint_confidence, carried)
-    degrees, deviations = measure_angles(skeleton.positions, skeleton.quats_xyzw, covariances, up)
+    degrees, deviations = measure_angles(
+        skeleton.positions, skeleton.quats_xyzw, skeleton.joint_confidence, carried, up
+    )
     return JointAngles(degrees, deviations)
 
 
 def measure_angles(
-    positions: Array, quats_xyzw: Array, covariances: Array, up: Array | None = None
+    positions: Array,
+    quats_xyzw: Array,
+    joint_confidence: NDArray[np.floating],
+    carried: NDArray[np.floating] | None = None,
+    up: Array | None = None,
 ) -> tuple[Array, Array]:
     """Joint angles of many skeletons and their deviations.
 
@@ -197,8 +202,10 @@ def measure_angles(
         Metres; NaN where a joint or person is missing.
     quats_xyzw : (..., 19, 4)
         Segment rotations, rest pose to the positions' frame.
-    covariances : (..., 19, 3, 3)
-        Of the positions, square metres.
+    joint_confidence : (..., 19)
+        0 to 1.
+    carried : (..., 19, 3, 3), optional
+        Covariances of the positions, square metres; NaN where they are not known.
     up : (3,), optional
         As for `joint_angles`.
 
@@ -210,13 +217,15 @@ def measure_angles(
     shape = positions.shape[:-2]
     flat = np.asarray(positions, np.float64).reshape(-1, len(JOINTS), 3)
     quats = np.asarray(quats_xyzw, np.float64).reshape(-1, len(JOINTS), 4)
-    spread = np.asarray(covariances, np.float64).reshape(-1, len(JOINTS), 3, 3)
+    sure = joint_confidence.reshape(-1, len(JOINTS))
+    known = None if carried is None else carried.reshape(-1, len(JOINTS), 3, 3)
     vertical = _direction(up)
     degrees = np.full((len(flat), len(JOINT_ANGLES)), np.nan)
     deviations = np.full_like(degrees, np.inf)
     for first in range(0, len(flat), _CHUNK):
         part = slice(first, first + _CHUNK)
-        degrees[part], deviations[part] = _measured(flat[part], quats[part], spread[part], vertical)
+        spread = joint_covariances(sure[part], None if known is None else known[part])
+        degrees[part], deviations[part] = _measured(flat[part], quats[part], spread, vertical)
     lacking = ~(deviations <= MOST_DEVIATION_DEG) | ~np.isfinite(degrees)
     if up is None:
         lacking[:, [JOINT_ANGLE_INDEX[name] for name in AGAINST_VERTICAL]] = True

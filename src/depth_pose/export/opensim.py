@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.angles import relative, swing_twist_rotation, trunk_angles
-from depth_pose.body.joint_angles import JOINT_ANGLE_INDEX, joint_covariances, measure_angles
+from depth_pose.body.joint_angles import JOINT_ANGLE_INDEX, measure_angles
 from depth_pose.core.rotations import quat_to_matrix, rotation_x, rotation_z
 from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.export.tracks import Track
@@ -45,8 +45,9 @@ def coordinates(track: Track) -> dict[str, Array]:
         Motion in OpenSim's ground. Where it lacks the person, or an angle is not measured, coordinates are
         NaN.
     """
-    covariances = joint_covariances(track.joint_confidence, track.covariances)
-    angles, _ = measure_angles(track.positions, track.quats_xyzw, covariances, _UP)
+    angles, _ = measure_angles(
+        track.positions, track.quats_xyzw, track.joint_confidence, track.covariances, _UP
+    )
     at = {name: angles[:, i] for name, i in JOINT_ANGLE_INDEX.items()}
     pelvis, chest = (quat_to_matrix(track.quats_xyzw[:, JOINT_INDEX[name]]) for name in ("pelvis", "chest"))
     ahead = np.cross(pelvis[:, :, 0], _UP)

@@ -10,7 +10,7 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.joint_angles import JOINT_ANGLES, joint_covariances, measure_angles
+from depth_pose.body.joint_angles import JOINT_ANGLES, measure_angles
 from depth_pose.core.skeleton import BONES, JOINTS, JointState, Source
 from depth_pose.core.tables import COLUMNS
 from depth_pose.export.tracks import ARRAYS, Track, Tracks
@@ -99,8 +99,7 @@ def _plain(values: Any) -> Any:
 
 
 def _angles(track: Track, up: NDArray[np.float64] | None) -> tuple[NDArray[np.float64], ...]:
-    covariances = joint_covariances(track.joint_confidence, track.covariances)
-    return measure_angles(track.positions, track.quats_xyzw, covariances, up)
+    return measure_angles(track.positions, track.quats_xyzw, track.joint_confidence, track.covariances, up)
 
 
 def _frames(tracks: Tracks) -> Iterator[tuple[int, int, float, list[tuple[int, int]]]]:

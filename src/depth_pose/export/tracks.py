@@ -38,7 +38,7 @@ _LONGEST_STEP = 1.5
 """Multiple of the usual time between frames beyond which there is a gap. A missing frame doubles the time;
 jitter of stamps stays below a half. Set by hand."""
 MOST_FRAMES = 2_000_000
-"""Limits: frames in a resampled file, and frames x people in an array export (18 h at 30 Hz, 1.2 kB each)."""
+"""Limits: frames in a resampled file, and frames x people in an array export (18 h at 30 Hz, 2 kB each)."""
 
 _MOST_TOLD = 3
 """Maximum number of gaps listed one by one."""
@@ -72,7 +72,7 @@ class Track:
         `depth_pose.core.skeleton.Source` values; LOST in gaps.
     build : (T, 13) float32
         Proportions; NaN where they are not known.
-    covariances : (T, 19, 3, 3) float32
+    covariances : (T, 19, 3, 3) float16
         Of the positions, square metres; NaN where they are not known.
     """
 
@@ -89,7 +89,7 @@ class Track:
     scale: NDArray[np.float32]
     source: NDArray[np.uint8]
     build: NDArray[np.float32]
-    covariances: NDArray[np.float32]
+    covariances: NDArray[np.float16]
 
     def __len__(self) -> int:
         """Return the number of frames, gaps included."""
@@ -214,7 +214,7 @@ def _empty(body_id: str, frame_id: str, stamps_ns: NDArray[np.int64]) -> Track:
         nothing.copy(),
         np.full(count, Source.LOST, np.uint8),
         np.full((count, BUILD_SIZE), np.nan, np.float32),
-        np.full((count, joints, 3, 3), np.nan, np.float32),
+        np.full((count, joints, 3, 3), np.nan, np.float16),
     )
 
 
@@ -245,7 +245,7 @@ def in_world(track: Track, T_world_camera: Array, frame_id: str) -> Track:
     quats = np.full_like(track.quats_xyzw, np.nan)
     there = track.present
     quats[there] = matrix_to_quat(turn @ quat_to_matrix(track.quats_xyzw[there]))
-    covariances = (turn @ track.covariances @ turn.T).astype(np.float32)
+    covariances = (turn @ track.covariances @ turn.T).astype(np.float16)
     return replace(track, positions=positions, quats_xyzw=quats, covariances=covariances, frame_id=frame_id)
 
 
