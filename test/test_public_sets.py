@@ -142,7 +142,7 @@ def test_itop(scenes: dict[float, Scene], tmp_path: Path, bank_path: Path) -> No
 def test_eval(scenes: dict[float, Scene], tmp_path: Path, bank_path: Path) -> None:
     depth, person = scenes[public_readers.KINECT_PX]
     camera = Camera(320, 240, public_readers.KINECT_PX, public_readers.KINECT_PX, 160.0, 120.0)
-    data = np.zeros(FRAMES, public_readers._EVAL_FRAME)
+    data = np.zeros(FRAMES, public_readers.EVAL_FRAME)
     assert data.dtype.itemsize == 930_704
     data["points"] = camera.back_project(depth).reshape(240, 320, 3) * (1.0, -1.0, -1.0)
     data["count"] = 2

@@ -65,7 +65,7 @@ ITOP_JOINTS = (
 """Its hands, torso and feet are our wrists, spine and ankles."""
 
 _MARKER = np.dtype([("name", "S256"), ("place", "<f4", 3)])
-_EVAL_FRAME = np.dtype(
+EVAL_FRAME = np.dtype(
     [
         *[("magic", "<i4"), ("number", "<i4"), ("points", "<f4", (240, 320, 3)), ("count", "<i4")],
         *[("markers", _MARKER, 32), ("joint_count", "<i4")],
@@ -206,9 +206,9 @@ def eval_2012(folder: Path, view: str) -> list[Clip]:
 
 
 def _load_eval(path: Path) -> Loaded:
-    if path.stat().st_size % _EVAL_FRAME.itemsize:
-        raise InputError(f"{path} does not consist of frames of {_EVAL_FRAME.itemsize} bytes")
-    data = np.memmap(path, _EVAL_FRAME, mode="r")
+    if path.stat().st_size % EVAL_FRAME.itemsize:
+        raise InputError(f"{path} does not consist of frames of {EVAL_FRAME.itemsize} bytes")
+    data = np.memmap(path, EVAL_FRAME, mode="r")
     names = sorted({m["name"] for frame in data for m in frame["markers"][: frame["count"]]})
     index = {name: i for i, name in enumerate(names)}
     places = np.full((len(data), len(names), 3), np.nan)

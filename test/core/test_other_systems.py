@@ -13,7 +13,7 @@ import pytest
 from command import environment
 from depth_pose.core.errors import InputError
 from depth_pose.core.outputs import own_folder, remove_parts
-from depth_pose.core.workers import _without_interrupts
+from depth_pose.core.workers import without_interrupts
 from depth_pose.detect.sample_frame import sample_frame
 from depth_pose.io.mcap_write import DepthWriter
 
@@ -118,10 +118,10 @@ def test_without_locks_what_was_left_is_removed(monkeypatch: pytest.MonkeyPatch,
 
 
 def test_without_masks_of_signals_workers_start_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    with _without_interrupts():  # Python's own workers need the mask here, so none is started
+    with without_interrupts():  # Python's own workers need the mask here, so none is started
         assert signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
     monkeypatch.delattr(signal, "pthread_sigmask")
-    with _without_interrupts():
+    with without_interrupts():
         pass
 
 

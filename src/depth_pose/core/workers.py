@@ -168,8 +168,8 @@ def _attempt(function: Callable[..., T], task: Task, tell: Tell) -> tuple[T | No
 
 
 @contextmanager
-def _without_interrupts() -> Iterator[None]:
-    """Block Ctrl-C in the block, where the system can."""
+def without_interrupts() -> Iterator[None]:
+    """Block Ctrl-C within the context, where the system can."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
@@ -188,7 +188,7 @@ class Worker:
         self.pipe, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(function, theirs), daemon=True)
         # Ctrl-C goes to all processes of a terminal; the first one decides. Blocked signals are inherited
-        with _without_interrupts():
+        with without_interrupts():
             self.process.start()
         theirs.close()
         self.index = -1
