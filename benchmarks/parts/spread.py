@@ -44,7 +44,7 @@ def measure(pipeline: PosePipeline, path: Path) -> Iterator[tuple[np.ndarray, ..
         at = int(np.argmin(np.abs(truth.stamps_ns - frame.stamp_ns)))
         for skeleton in pipeline.process_frame(frame).skeletons:
             apart = np.linalg.norm(skeleton.positions - truth.joints[at], axis=2).mean(axis=1)
-            if not np.nanmin(apart) < _NOBODY_M:
+            if not np.nanmin(apart, initial=np.inf) < _NOBODY_M:
                 continue
             person = int(np.nanargmin(apart))
             frames[skeleton.body_id] = frames.get(skeleton.body_id, 0) + 1
