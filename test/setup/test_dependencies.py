@@ -124,5 +124,5 @@ def test_ros_packages_are_declared():
     text = "\n".join(p.read_text() for p in (ROOT / "src" / "depth_pose" / "ros").rglob("*.py"))
     found = set(re.findall(r"^\s*(?:from|import) (rclpy|\w+_(?:msgs|interfaces))\b", text, re.MULTILINE))
     assert {"rclpy", "sensor_msgs", "lifecycle_msgs"} <= found
-    optional = {"tf2_msgs", "hri_msgs"}  # used only where they are there
+    optional = {"tf2_msgs", "hri_msgs", "vision_msgs", "people_msgs"}  # used only where they are there
     assert found - optional <= depends(PACKAGE)
