@@ -10,7 +10,7 @@ from pathlib import Path
 import distributed
 import numpy as np
 import pytest
-from parts import die_once, first_then_sleep, square
+from task_parts import die_once, first_then_sleep, square
 
 from depth_pose.bank import build as building
 from depth_pose.bank import build_bank
@@ -73,7 +73,7 @@ def test_workers_end_with_whoever_started_them(tmp_path):
     code = f"""if __name__ == "__main__":
     import sys; sys.path[:] = {sys.path!r}
     from pathlib import Path
-    from parts import sleep
+    from task_parts import sleep
     from depth_pose.core.workers import run_each, run_parts
     list(run_parts(sleep, [(Path({str(mark)!r}),)], 1))"""
     (tmp_path / "program.py").write_text(code)
@@ -132,7 +132,7 @@ def test_a_scheduler_that_dies_is_said_in_one_line(tmp_path):
     code = f"""if __name__ == "__main__":
     import sys; sys.path[:] = {sys.path!r}
     from pathlib import Path
-    from parts import first_then_sleep
+    from task_parts import first_then_sleep
     from depth_pose.core.workers import run_each
     from depth_pose.core.errors import InputError
     try:
