@@ -27,7 +27,7 @@ from depth_pose.core.stamps import is_late
 from depth_pose.core.types import DepthFrame
 from depth_pose.io.calibration import camera_from_info
 from depth_pose.io.clouds import BODY_AXES, frame_from_cloud
-from depth_pose.io.depth_unit import INTEGER_UNIT_M, is_indoors, median_depth
+from depth_pose.io.depth_unit import INTEGER_UNIT_M, in_metres, is_indoors, median_depth
 from depth_pose.io.rectification import rectify_depth
 from depth_pose.people import People
 from depth_pose.pipeline import PosePipeline
@@ -302,7 +302,7 @@ class Tracker:
                 "depth, not depth. If it is depth, give Tracker its unit in metres, say depth_scale=0.02"
             )
         scale = self._depth_scale or (1.0 if image.dtype.kind == "f" else INTEGER_UNIT_M)
-        depth = image.astype(np.float32, order="C") * np.float32(scale)
+        depth = in_metres(image, scale)
         if _is_negative(depth):
             self._notes = ("most depths are below 0 and count as missing: negate them if z points backward",)
         depth[~(np.isfinite(depth) & (depth > 0))] = 0.0

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.errors import InputError
 from depth_pose.core.image_size import check_size
+from depth_pose.io.depth_unit import in_metres, unit_of
 
 _DEPTH_TYPES: dict[str, str] = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 
@@ -129,9 +130,8 @@ def decode_depth(
     raw = np.frombuffer(data, np.uint8)
     check_bytes("image", raw.nbytes, height, step, width * kind.itemsize, "step")
     pixels: NDArray[np.generic] = np.ndarray((height, width), kind, buffer=raw, strides=(step, kind.itemsize))
-    if kind.kind == "u" and unit_m is None:
-        metres: NDArray[np.float32] = pixels.astype(np.float32) / np.float32(1000.0)
-        return metres
-    depth: NDArray[np.float32] = pixels.astype(np.float32) * np.float32(unit_m or 1.0)
+    depth = in_metres(pixels, unit_m or unit_of(encoding))
+    if kind.kind == "u":
+        return depth
     depth[~(np.isfinite(depth) & (depth > 0))] = 0.0
     return depth

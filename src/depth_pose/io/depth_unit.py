@@ -32,6 +32,19 @@ def unit_of(encoding: str) -> float:
     return 1.0 if encoding == "32FC1" else INTEGER_UNIT_M
 
 
+def in_metres(pixels: NDArray[np.generic], unit_m: float) -> NDArray[np.float32]:
+    """Return depths in metres, C-contiguous float32.
+
+    Millimetres are divided by 1000, which rounds as metres in a file do: equal depths have equal bits.
+    """
+    depth: NDArray[np.float32] = pixels.astype(np.float32, order="C")
+    if unit_m == INTEGER_UNIT_M:
+        depth /= np.float32(1000.0)
+    elif unit_m != 1.0:
+        depth *= np.float32(unit_m)
+    return depth
+
+
 def median_depth(depth: NDArray[np.floating]) -> float | None:
     """Return the median of the valid depths; None where there are none."""
     valid = depth[np.isfinite(depth) & (depth > 0)]
