@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -23,10 +24,11 @@ STEP_NS = 33_000_000
 
 
 class Watched:
-    """A segmenter that tells how often the whole image was searched."""
+    """Tells how often a segmenter searched the whole image; with "low" no rarer where nobody moves."""
 
-    def __init__(self, every: int = 2) -> None:
-        self.segmenter = LearnedSegmenter(SegmentConfig(), tuning=DetectTuning(find_every=every))
+    def __init__(self, every: int = 2, speed: Literal["low", "normal"] = "low") -> None:
+        config = SegmentConfig(speed=speed)
+        self.segmenter = LearnedSegmenter(config, tuning=DetectTuning(find_every=every))
         self.searches, self._find = 0, self.segmenter.candidates.find
         self.segmenter.candidates.find = self._count
         self.stamp_ns = 10**18
@@ -54,6 +56,13 @@ def test_the_image_is_searched_as_often_as_asked_for(every: int, searches: int) 
     for _ in range(6):
         watched.see(shown(0))
     assert watched.searches == searches
+
+
+def test_where_nobody_moves_the_image_is_searched_less_often() -> None:
+    watched = Watched(speed="normal")
+    for _ in range(12):
+        watched.see(shown(0))
+    assert watched.searches < 6
 
 
 def test_who_moves_is_carried_over_whole() -> None:
@@ -131,8 +140,8 @@ def test_the_warm_up_carries_people_over(monkeypatch: pytest.MonkeyPatch) -> Non
     segmenter = LearnedSegmenter(SegmentConfig())
     carried, carry = [], MaskPropagation.carry
 
-    def watch(people: MaskPropagation, frame: DepthFrame) -> Candidates | None:
-        carried.append(carry(people, frame))
+    def watch(people: MaskPropagation, frame: DepthFrame, *, is_calm: bool) -> Candidates | None:
+        carried.append(carry(people, frame, is_calm=is_calm))
         return carried[-1]
 
     monkeypatch.setattr(MaskPropagation, "carry", watch)

@@ -36,7 +36,7 @@ _JOINT_COUNT = len(JOINTS)
 
 _DENIED = 0.08
 """Share of a person's pixels from which, if the net's mask denies them, it looks again without them: joints
-of a person on a bed or sofa that the finder took for a part of them; chosen on simulated homes."""
+of a person on a bed or sofa that the finder took for a part of them; chosen on a bed below a ceiling."""
 
 
 class JointNet(Protocol):

@@ -24,14 +24,17 @@ def pack_points(points, labels, numbers, octets):
 
 
 @njit(cache=True)
-def find_boxes(labels, boxes):
-    """Write the number of pixels of each label, its first and last row and column, to ``boxes``, (256, 5)."""
+def find_boxes(depth, labels, boxes):
+    """Write the number of pixels of each label, its first and last row and column, to ``boxes``, (256, 5).
+
+    Here and in the loops below pixels without depth are nobody's.
+    """
     boxes[:, 0], boxes[:, 1], boxes[:, 3] = 0, labels.shape[0], labels.shape[1]
     boxes[:, 2], boxes[:, 4] = -1, -1
     for i in range(labels.shape[0]):
         for j in range(labels.shape[1]):
             k = labels[i, j]
-            if k != BACKGROUND:
+            if k != BACKGROUND and depth[i, j] > 0.0:
                 boxes[k, 0] += 1
                 boxes[k, 1], boxes[k, 2] = min(boxes[k, 1], i), i
                 boxes[k, 3], boxes[k, 4] = min(boxes[k, 3], j), max(boxes[k, 4], j)
@@ -43,7 +46,7 @@ def take_depths(depth, labels, label, box, depths):
     count, total = 0, 0.0
     for i in range(box[1], box[2] + 1):
         for j in range(box[3], box[4] + 1):
-            if labels[i, j] == label:
+            if labels[i, j] == label and depth[i, j] > 0.0:
                 depths[count] = depth[i, j]
                 total += depth[i, j]
                 count += 1
@@ -57,9 +60,9 @@ def cut_window(depth, labels, label, distance, top, left, own_depth, own):
         for j in range(own.shape[1]):
             k, z = labels[top + i, left + j], depth[top + i, left + j]
             own_depth[i, j] = 0.0
-            if k == label:
+            if k == label and z > 0.0:
                 own[i, j], own_depth[i, j] = PERSON, z
-            elif k == HIDDEN or (k != BACKGROUND and not z > distance + _BESIDE_M):
+            elif k in (HIDDEN, label) or (k != BACKGROUND and not z > distance + _BESIDE_M):
                 own[i, j] = UNKNOWN
             else:
                 own[i, j] = BACKGROUND

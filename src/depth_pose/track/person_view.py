@@ -188,7 +188,7 @@ def see_people(
         The people that the labels denote.
     """
     boxes = np.empty((256, 5), np.int64)
-    kernels.find_boxes(labels, boxes)
+    kernels.find_boxes(depth, labels, boxes)
     persons = tuple(
         _see_person(stamp_ns, frame_id, camera, depth, labels, f, floor, boxes[f.label])
         for f in found
