@@ -102,6 +102,11 @@ class People(tuple[Skeleton, ...]):
         """The stamp, seconds."""
         return self.stamp_ns * 1e-9
 
+    @property
+    def has_labels(self) -> bool:
+        """Whether the people's pixels are known: not of a frame that was skipped, or read from a file."""
+        return self._drawn is not None
+
     @cached_property
     def labels(self) -> NDArray[np.uint8]:
         """Person at each pixel (H, W) of the image: 7 for ``body_7``; 0 for nobody, and without depth.

@@ -61,7 +61,7 @@ LEAST_STEPS = 4
 LEAST_SURE = 0.6
 """Minimum share of a walk's frames in which both ankles are sure. Set by hand."""
 _EVENT_S = 0.02
-"""Standard deviation of the time of an event: G. Zeni 2008, and half a frame at 30 frames a second."""
+"""Standard deviation of the time of an event: Zeni et al. 2008, and half a frame at 30 frames a second."""
 
 NAMES = {
     "speed": "m/s",

@@ -15,6 +15,7 @@ from depth_pose.core.sketch import MIDDLE, side_colour
 from depth_pose.core.types import Skeleton
 from depth_pose.evaluate.shading import shade_depth
 from depth_pose.io.depth_unit import INTEGER_UNIT_M
+from depth_pose.people import People
 
 _TINTS = ((66, 135, 245), (122, 201, 67), (214, 84, 178), (36, 193, 188), (235, 200, 50), (150, 110, 235))
 """Tints of people by number, repeated from the first; for readability."""
@@ -60,7 +61,8 @@ def draw(
         Where the camera is missing, or the image has another size.
     """
     values = np.asarray(depth)
-    camera = camera or getattr(people, "camera", None)
+    if camera is None and isinstance(people, People):
+        camera = people.camera
     if camera is None:
         raise InputError("draw needs the camera of the image: give it after the people")
     pinhole = camera.camera if isinstance(camera, Lens) else camera
@@ -80,9 +82,9 @@ def draw(
 
 def _tint(picture: NDArray[np.float64], people: Sequence[Skeleton]) -> None:
     """Mix the colour of each person into their pixels (H, W, 3)."""
-    if getattr(people, "_drawn", None) is None:
+    if not isinstance(people, People) or not people.has_labels:
         return
-    labels: NDArray[np.uint8] = people.labels  # type: ignore[attr-defined]
+    labels = people.labels
     if labels.shape != picture.shape[:2]:
         return
     for number in np.unique(labels[labels > 0]).tolist():

@@ -44,7 +44,6 @@ _LEAST, _MOST = 0.02, 0.998
 _SHARED_M = 0.02
 """Standard deviation (m) added to each proposal's; flat between .01 and .04."""
 
-
 _UNSEEN = 1.4
 """Factor on the deviations of joints that are hidden or outside of the image; chosen on 22 clips."""
 

@@ -20,7 +20,6 @@ from depth_pose.track.state import FilterState
 SPEED_CUTOFF_HZ = 4.0
 """Cut-off frequency (Hz) of the filter on the speed; accuracy is flat between 2 and 8."""
 
-
 MOTION_CUTOFF_HZ = 6.0
 """Cut-off frequency (Hz) of the published velocities; chosen on development clips of 1.5 to 20."""
 

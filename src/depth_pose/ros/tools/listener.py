@@ -13,7 +13,6 @@ from depth_pose.ros.process.runner import on_stop
 _TICK_S = 0.05
 """Maximum wait for a message between checks for a stop signal, seconds. Set by hand."""
 
-
 _DISCOVER_S = 3.0
 """Time limit for finding publishers, and then for a first message, seconds. Set by hand."""
 
