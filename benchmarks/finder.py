@@ -34,8 +34,8 @@ from command_line import make_parser
 from rich.progress import track
 
 from depth_pose.core.config import SegmentConfig
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.skeleton import JOINT_INDEX
-from depth_pose.core.types import DepthFrame
 from depth_pose.detect.finder import PeopleFinder, load_weights
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.detect.net import read_weights

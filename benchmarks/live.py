@@ -35,7 +35,7 @@ os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 10
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 if TYPE_CHECKING:
-    from depth_pose.core.types import DepthFrame
+    from depth_pose.core.frame import DepthFrame
     from depth_pose.ros.process.supervisor import Suite
 
 IMAGE, INFO = "/camera/depth/image_raw", "/camera/depth/camera_info"

@@ -30,8 +30,8 @@ from depth_pose.bank.build import BuildConfig
 from depth_pose.body.pose import Fitted
 from depth_pose.body.procedural import make_body
 from depth_pose.core.config import PipelineConfig, RecoverConfig, RefineConfig, SmoothConfig
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import Source
-from depth_pose.core.types import Skeleton
 from depth_pose.io.mcap_read import read_frames
 from depth_pose.motion.procedural.generator import make_poses
 from depth_pose.pipeline import FrameResult, PosePipeline

@@ -12,10 +12,10 @@ from depth_pose.body.body import Body, PosedBody
 from depth_pose.body.procedural import make_body
 from depth_pose.body.rendered_depth import render_depth
 from depth_pose.core.camera import Camera
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as _FACING
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import NODE_INDEX
-from depth_pose.core.types import DepthFrame
 
 CAMERA = Camera(176, 144, 200.0, 200.0, 87.5, 71.5)
 STEP_NS = 40_000_000

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from depth_pose.core.result import BUILD_SIZE, Skeleton
 from depth_pose.core.skeleton import Source, Tracking
-from depth_pose.core.types import BUILD_SIZE, Skeleton
 
 
 def make_skeleton(positions: np.ndarray, **values: Any) -> Skeleton:

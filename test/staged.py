@@ -11,11 +11,12 @@ from depth_pose.body.pose import BodyPose
 from depth_pose.body.procedural import make_body
 from depth_pose.body.rendered_depth import render_depth
 from depth_pose.core.camera import Camera
+from depth_pose.core.labels import PERSON
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as FACING
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import NODE_INDEX, NODE_PARENTS, NODES
-from depth_pose.core.types import PERSON, TrackedPerson
 from depth_pose.track.person_view import PersonView, see_people
+from depth_pose.track.tracked_person import TrackedPerson
 
 CAMERA = Camera(176, 144, 200.0, 200.0, 87.5, 71.5)
 

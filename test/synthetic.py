@@ -10,11 +10,13 @@ import numpy as np
 from depth_pose.body.procedural import make_body
 from depth_pose.body.rendered_depth import render_depth
 from depth_pose.core.camera import Camera
+from depth_pose.core.frame import DepthFrame
+from depth_pose.core.labels import HIDDEN
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as FACING
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import MIRROR_NODES, NODE_INDEX, NODE_PARENTS
-from depth_pose.core.types import HIDDEN, DepthFrame, TrackedPerson
 from depth_pose.track.person_view import see_people
+from depth_pose.track.tracked_person import TrackedPerson
 
 CAMERA = Camera(176, 144, 190.0, 190.0, 87.5, 71.5)
 

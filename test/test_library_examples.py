@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.open3d import load_open3d
-from depth_pose.core.types import DepthFrame
 from depth_pose.detect.sample_frame import sample_frame
 from depth_pose.io.mcap_write import DepthWriter
 from osc_reader import read_osc

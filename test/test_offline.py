@@ -14,7 +14,7 @@ from depth_pose.bank import Bank, build_bank
 from depth_pose.bank.build import BuildConfig
 from depth_pose.body.procedural import make_body
 from depth_pose.core.errors import InputError
-from depth_pose.core.types import DepthFrame
+from depth_pose.core.frame import DepthFrame
 from depth_pose.io.markers import MARKERS_TOPIC
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.io.mcap_write import DepthWriter

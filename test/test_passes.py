@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import JOINTS, Source
-from depth_pose.core.types import Skeleton
 from depth_pose.passes import join
 
 COUNT = len(JOINTS)

@@ -9,7 +9,7 @@ import pytest
 
 import synthetic as syn
 from depth_pose.core.config import DenoiseConfig, SegmentConfig
-from depth_pose.core.types import HIDDEN, PERSON
+from depth_pose.core.labels import HIDDEN, PERSON
 from depth_pose.denoise.tuning import DenoiseTuning
 from depth_pose.perception import Perception
 from depth_pose.track.person_view import MIN_POINTS

@@ -14,9 +14,9 @@ from scipy.io import savemat
 
 from depth_pose import Tracker
 from depth_pose.core.camera import Camera
+from depth_pose.core.result import Skeleton
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS
-from depth_pose.core.types import Skeleton
 from depth_pose.detect.sample_frame import sample_frame
 from depth_pose.io.mcap_write import DepthWriter
 

@@ -23,7 +23,7 @@ import pytest
 import depth_pose
 from depth_pose import BankError, Camera, ConfigError, DepthFrame, InputError, JointState, Tracker, Tracking
 from depth_pose.core.errors import DepthPoseError
-from depth_pose.core.types import Skeleton
+from depth_pose.core.result import Skeleton
 from depth_pose.detect.sample_frame import sample_frame
 from depth_pose.io.mcap_write import DepthWriter
 
@@ -80,7 +80,7 @@ def test_the_six_lines_of_the_readme_run(frame, bank_path, monkeypatch, capsys):
     assert [line.split()[0] for line in said] == ["body_1", "body_1"]
 
 
-@pytest.mark.parametrize("module", ["core.camera", "core.types", "people", "tracker"])
+@pytest.mark.parametrize("module", ["core.camera", "core.result", "people", "tracker"])
 def test_the_docstrings_examples_run(module, bank_path, monkeypatch):
     monkeypatch.setenv("DEPTH_POSE_BANK", str(bank_path))
     failed, attempted = doctest.testmod(import_module(f"depth_pose.{module}"))

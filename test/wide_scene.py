@@ -7,8 +7,8 @@ import numpy as np
 import synthetic as syn
 from calibrations import undistort
 from depth_pose.core.camera import Camera, Lens
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.skeleton import JOINT_NODES
-from depth_pose.core.types import DepthFrame
 from depth_pose.io.rectification import rectify_depth
 
 FINE = 2

@@ -18,8 +18,8 @@ from command_line import make_parser
 
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.body.build import BuildSpace
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES
-from depth_pose.core.types import Skeleton
 from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.motion.procedural.generator import CLIPS, make_clip

@@ -31,9 +31,10 @@ import numpy as np
 from command_line import make_parser
 
 from depth_pose.bank import Bank, default_bank_path
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.odds import logistic
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import JOINT_NODES, JOINTS, JointState, Source
-from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.motion.procedural.generator import CLIPS

@@ -25,9 +25,9 @@ import numpy as np
 from command_line import make_parser
 
 from depth_pose.core.config import DenoiseConfig, MountConfig, SegmentConfig
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINT_INDEX
-from depth_pose.core.types import DepthFrame
 from depth_pose.evaluate.overlay import project
 from depth_pose.evaluate.truth import load_known_people
 from depth_pose.io.mcap_read import DepthReader

@@ -23,8 +23,8 @@ from command_line import make_parser
 from rich.progress import track
 
 from depth_pose.bank.bank import Bank, default_bank_path
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.skeleton import JOINT_INDEX
-from depth_pose.core.types import DepthFrame
 from depth_pose.pipeline import FrameResult, PosePipeline
 from depth_pose.sim.home_scenes import furnished_home
 from depth_pose.sim.home_sensors import HOME_FAMILIES

@@ -13,8 +13,8 @@ import numpy as np
 from depth_pose.bank import Bank
 from depth_pose.core.config import PersonalConfig, PipelineConfig
 from depth_pose.core.errors import InputError
+from depth_pose.core.pose_match import PoseMatch
 from depth_pose.core.skeleton import JOINT_NODES, JOINTS
-from depth_pose.core.types import PoseMatch
 from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.match.match import Matcher

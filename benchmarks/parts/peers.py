@@ -30,9 +30,9 @@ from depth_pose.body.body import Body
 from depth_pose.body.build import BUILD_NAMES
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import DenoiseConfig, SegmentConfig
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.open3d import load_open3d
 from depth_pose.core.skeleton import JOINT_NODES
-from depth_pose.core.types import DepthFrame
 from depth_pose.denoise.denoise import denoise_depth
 from depth_pose.detect.plane_segmenter import PlaneSegmenter
 from depth_pose.match.search import SubspaceSearch

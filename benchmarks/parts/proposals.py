@@ -32,8 +32,8 @@ from command_line import make_parser
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS
-from depth_pose.core.types import DepthFrame
 from depth_pose.evaluate.overlay import project
 from depth_pose.evaluate.score import torso_axes
 from depth_pose.evaluate.truth import load_known_people

@@ -14,7 +14,7 @@ from scipy.optimize import linear_sum_assignment
 
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.core.config import PipelineConfig
-from depth_pose.core.types import Skeleton
+from depth_pose.core.result import Skeleton
 from depth_pose.evaluate.score_people import PeopleScore, match_people, score_matches
 from depth_pose.evaluate.truth import KnownPeople
 from depth_pose.io.image_options import ImageOptions

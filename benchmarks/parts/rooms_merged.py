@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from depth_pose.core.types import Skeleton
+from depth_pose.core.result import Skeleton
 from depth_pose.evaluate.score_people import match_people, score_matches
 from depth_pose.evaluate.truth import KnownPeople
 from depth_pose.io.skeleton_read import read_people

@@ -19,8 +19,8 @@ import numpy as np
 from command_line import make_parser
 
 from depth_pose.bank import Bank, default_bank_path
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import JointState
-from depth_pose.core.types import Skeleton
 from depth_pose.evaluate.truth import load_known_people
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.pipeline import PosePipeline

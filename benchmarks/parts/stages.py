@@ -21,7 +21,7 @@ import numpy as np
 from depth_pose import perception
 from depth_pose.bank import Bank
 from depth_pose.core.config import PipelineConfig, RefineConfig
-from depth_pose.core.types import DepthFrame
+from depth_pose.core.frame import DepthFrame
 from depth_pose.denoise.denoise import denoise_depth
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.match.tuning import MatchTuning

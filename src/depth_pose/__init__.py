@@ -20,8 +20,10 @@ if TYPE_CHECKING:
     from depth_pose.core.camera import Camera, Lens
     from depth_pose.core.config import PipelineConfig
     from depth_pose.core.errors import BankError, ConfigError, DepthPoseError, InputError
+    from depth_pose.core.frame import DepthFrame
+    from depth_pose.core.joint import Joint
+    from depth_pose.core.result import Skeleton
     from depth_pose.core.skeleton import BONES, JOINTS, JointName, JointState, Source, Tracking
-    from depth_pose.core.types import DepthFrame, Joint, Skeleton
     from depth_pose.detect.floor import Floor
     from depth_pose.evaluate.drawing import draw
     from depth_pose.io.mcap_read import read_frames as read_recording
@@ -73,8 +75,10 @@ _PLACES = {
     "core.config": ("PipelineConfig",),
     "body.joint_angles": ("JOINT_ANGLES", "JointAngle", "JointAngles", "joint_angles"),
     "core.errors": ("BankError", "ConfigError", "DepthPoseError", "InputError"),
+    "core.frame": ("DepthFrame",),
+    "core.joint": ("Joint",),
+    "core.result": ("Skeleton",),
     "core.skeleton": ("BONES", "JOINTS", "JointName", "JointState", "Source", "Tracking"),
-    "core.types": ("DepthFrame", "Joint", "Skeleton"),
     "detect.floor": ("Floor",),
     "evaluate.drawing": ("draw",),
     "io.mcap_read": ("read_frames",),

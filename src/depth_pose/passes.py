@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.errors import InputError
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import Tracking
-from depth_pose.core.types import Skeleton
 from depth_pose.pipeline import FrameResult, PosePipeline
 from depth_pose.track.packed_people import pack_people, unpack_people
 from depth_pose.track.person_view import FramePeople

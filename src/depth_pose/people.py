@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera, Lens
+from depth_pose.core.result import Skeleton
 from depth_pose.core.sketch import html, plot
 from depth_pose.core.tables import to_pandas
-from depth_pose.core.types import Skeleton
 from depth_pose.detect.floor import Floor
 from depth_pose.track.label_image import LabelImage, person_number
 

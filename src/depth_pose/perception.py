@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import DenoiseConfig, MountConfig, SegmentConfig
+from depth_pose.core.frame import DepthFrame
+from depth_pose.core.labels import HIDDEN
 from depth_pose.core.mount import rotation_sensor_upright, up_direction
 from depth_pose.core.stamps import StampGuard, StampStep
-from depth_pose.core.types import HIDDEN, DepthFrame, TrackedPerson
 from depth_pose.core.zone import parse_zone
 from depth_pose.denoise.denoise import denoise_depth
 from depth_pose.denoise.tuning import DenoiseTuning
@@ -24,6 +25,7 @@ from depth_pose.detect.segmentation import Segmentation, Segmenter
 from depth_pose.detect.tuning import DetectTuning
 from depth_pose.track.choice import PeopleChoice
 from depth_pose.track.person_view import MIN_POINTS, NO_FLOOR, FramePeople, see_people
+from depth_pose.track.tracked_person import TrackedPerson
 from depth_pose.track.tracks import PeopleTracks
 
 _FLOOR_EVERY_NS = 1_000_000_000

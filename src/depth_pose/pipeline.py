@@ -19,9 +19,11 @@ from threadpoolctl import ThreadpoolController
 from depth_pose.bank.bank import Bank, default_bank_path
 from depth_pose.body.pose import Fitted
 from depth_pose.core.config import PipelineConfig
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.kernels import is_compiled
 from depth_pose.core.mount import rotate_to_sensor, rotate_upright, rotation_sensor_upright
-from depth_pose.core.types import DepthFrame, PoseMatch, Skeleton
+from depth_pose.core.pose_match import PoseMatch
+from depth_pose.core.result import Skeleton
 from depth_pose.detect.floor import Floor
 from depth_pose.detect.input_repair import InputRepair
 from depth_pose.perception import Perception

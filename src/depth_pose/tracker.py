@@ -21,10 +21,10 @@ from depth_pose.bank.bank import Bank, default_bank_path
 from depth_pose.core.camera import Camera, Lens
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.progress import loading
 from depth_pose.core.settings_file import read_settings
 from depth_pose.core.stamps import is_late
-from depth_pose.core.types import DepthFrame
 from depth_pose.io.calibration import camera_from_info
 from depth_pose.io.clouds import BODY_AXES, frame_from_cloud
 from depth_pose.io.depth_unit import INTEGER_UNIT_M, in_metres, is_indoors, median_depth

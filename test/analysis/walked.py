@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from depth_pose.core.result import Skeleton
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL, matrix_to_quat, rotation_y
 from depth_pose.core.skeleton import JOINT_NODES
-from depth_pose.core.types import Skeleton
 from depth_pose.detect.floor import Floor
 from depth_pose.io.mcap_write import SkeletonWriter
 from depth_pose.motion.clip import Clip

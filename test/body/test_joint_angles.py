@@ -15,9 +15,9 @@ from depth_pose.body.joint_angles import (
     measure_angles,
 )
 from depth_pose.core.errors import InputError
+from depth_pose.core.result import Skeleton
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL, matrix_to_quat, rotvec_to_matrix
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES
-from depth_pose.core.types import Skeleton
 from postures import nodes_of, posture
 from skeletons import make_skeleton
 

@@ -9,9 +9,10 @@ import synthetic as syn
 from depth_pose.body.rendered_depth import DepthComparer, Observation
 from depth_pose.core import _raster_kernels as kernels
 from depth_pose.core.camera import Camera
+from depth_pose.core.labels import BACKGROUND, PERSON, UNKNOWN
 from depth_pose.core.open3d import load_open3d
-from depth_pose.core.types import BACKGROUND, PERSON, UNKNOWN, TrackedPerson
 from depth_pose.track.person_view import see_people
+from depth_pose.track.tracked_person import TrackedPerson
 
 BAND = 0.12
 

@@ -10,9 +10,10 @@ import pytest
 from crowd import person, seen
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import MountConfig, PersonalConfig, PipelineConfig, SmoothConfig
+from depth_pose.core.frame import DepthFrame
+from depth_pose.core.labels import HIDDEN
 from depth_pose.core.mount import rotate_upright, rotation_sensor_upright
 from depth_pose.core.rotations import quat_to_matrix
-from depth_pose.core.types import HIDDEN, DepthFrame
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.pipeline import PosePipeline
 

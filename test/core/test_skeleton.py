@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import synthetic as syn
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import (
     BONES,
     JOINT_INDEX,
@@ -20,7 +21,6 @@ from depth_pose.core.skeleton import (
     mirror_rotations,
     rest_nodes,
 )
-from depth_pose.core.types import Skeleton
 
 
 def test_counts_and_names():

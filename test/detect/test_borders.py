@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from depth_pose.core.camera import Camera
-from depth_pose.core.types import HIDDEN
+from depth_pose.core.labels import HIDDEN
 from depth_pose.detect._border_kernels import mark_at_limbs, mark_unsupported
 
 

@@ -7,9 +7,9 @@ import pytest
 
 import synthetic as syn
 from depth_pose.core.config import MountConfig, SegmentConfig
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.mount import up_direction
 from depth_pose.core.rotations import rotation_x
-from depth_pose.core.types import DepthFrame
 from depth_pose.detect.floor import BY_PEOPLE, Floor, FloorFinder
 
 RAYS = np.dstack(

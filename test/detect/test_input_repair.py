@@ -9,7 +9,7 @@ import pytest
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import PipelineConfig, SegmentConfig
-from depth_pose.core.types import DepthFrame
+from depth_pose.core.frame import DepthFrame
 from depth_pose.detect.input_repair import InputRepair
 from depth_pose.detect.sample_frame import sample_frame
 from depth_pose.perception import Perception

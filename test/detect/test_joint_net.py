@@ -11,6 +11,8 @@ import pytest
 
 import synthetic as syn
 from depth_pose.core.config import SegmentConfig
+from depth_pose.core.frame import DepthFrame
+from depth_pose.core.labels import BACKGROUND, HIDDEN
 from depth_pose.core.measurement import CropMask, CropView, JointMeasurement
 from depth_pose.core.skeleton import (
     JOINT_INDEX,
@@ -20,7 +22,6 @@ from depth_pose.core.skeleton import (
     MIRROR_LANDMARKS,
     NODE_INDEX,
 )
-from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
 from depth_pose.detect import _crop_kernels as kernels
 from depth_pose.detect.candidates import CandidateFinder
 from depth_pose.detect.crop import Crop

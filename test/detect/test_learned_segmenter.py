@@ -9,7 +9,7 @@ import pytest
 
 from crowd import CAMERA, person, seen
 from depth_pose.core.config import SegmentConfig
-from depth_pose.core.types import HIDDEN, PERSON
+from depth_pose.core.labels import HIDDEN, PERSON
 from depth_pose.detect._border_kernels import LimbLimits, attach_apart, attach_limbs
 from depth_pose.detect.finder import TorsoDetection
 from depth_pose.detect.learned_segmenter import LearnedSegmenter

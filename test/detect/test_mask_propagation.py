@@ -11,7 +11,8 @@ import pytest
 from crowd import CAMERA, person, seen
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
-from depth_pose.core.types import HIDDEN, PERSON, DepthFrame
+from depth_pose.core.frame import DepthFrame
+from depth_pose.core.labels import HIDDEN, PERSON
 from depth_pose.detect._carry_kernels import Before, CarryLimits, carry_labels, count_inside, take_new
 from depth_pose.detect.candidates import Candidates
 from depth_pose.detect.finder import TorsoDetection

@@ -7,7 +7,7 @@ import pytest
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
-from depth_pose.core.types import DepthFrame
+from depth_pose.core.frame import DepthFrame
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.detect.tuning import DetectTuning
 from depth_pose.sim.furniture import make_bed, make_pet

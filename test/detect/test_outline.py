@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from depth_pose.core.camera import Camera
-from depth_pose.core.types import DepthFrame
+from depth_pose.core.frame import DepthFrame
 from depth_pose.detect import _outline_kernels as kernels
 from depth_pose.detect.outline import carry_people, spread
 from depth_pose.detect.turned import reduce_frame

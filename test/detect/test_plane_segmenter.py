@@ -8,7 +8,7 @@ import pytest
 import synthetic as syn
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
-from depth_pose.core.types import BACKGROUND, HIDDEN, PERSON
+from depth_pose.core.labels import BACKGROUND, HIDDEN, PERSON
 from depth_pose.detect import _surface_kernels as kernels
 from depth_pose.detect.plane_segmenter import PlaneSegmenter
 from depth_pose.detect.working_grid import reduce_camera

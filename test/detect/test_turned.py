@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from depth_pose.core.config import SegmentConfig
-from depth_pose.core.types import DepthFrame
+from depth_pose.core.frame import DepthFrame
 from depth_pose.detect.candidates import CandidateFinder, lies_across
 from depth_pose.detect.finder import PeopleFinder
 from depth_pose.detect.turned import Turned, reduce_frame

@@ -9,9 +9,9 @@ import pytest
 from PIL import Image
 
 from depth_pose.core.camera import Camera
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, rest_nodes
-from depth_pose.core.types import DepthFrame
 from depth_pose.evaluate.animation import draw_frames, save_animation
 from depth_pose.io.mcap_write import DepthWriter, SkeletonWriter
 from skeletons import make_skeleton

@@ -10,9 +10,9 @@ import pytest
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
+from depth_pose.core.result import Skeleton
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, rest_nodes
-from depth_pose.core.types import Skeleton
 from depth_pose.evaluate.overlay import save_overlay
 from depth_pose.evaluate.panels import collect_panels, project
 from depth_pose.evaluate.score2d import person_height_px, score_2d

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from depth_pose.core.errors import InputError
+from depth_pose.core.result import Skeleton
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import JOINT_NODES, JOINTS, rest_nodes
-from depth_pose.core.types import Skeleton
 from depth_pose.evaluate.joint_error_plot import save_joint_errors
 from depth_pose.evaluate.score import match_sequence, score, score_sequences
 from depth_pose.evaluate.truth import KnownJoints, load_truth

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from depth_pose.core.errors import InputError
+from depth_pose.core.result import Skeleton
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import JOINT_NODES, JOINTS, rest_nodes
-from depth_pose.core.types import Skeleton
 from depth_pose.evaluate.score_people import PeopleScore, match_people, score_matches, score_people
 from depth_pose.evaluate.truth import KnownPeople, load_known_people, load_truth, tells_of_people
 from depth_pose.io.mcap_write import SkeletonWriter

@@ -14,9 +14,9 @@ from depth_pose.body.build import BUILD_NAMES, BuildSpace
 from depth_pose.cli.app import app
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.result import Skeleton
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL, matrix_to_quat, quat_to_matrix, rotation_y, slerp
 from depth_pose.core.skeleton import BONES, JOINT_INDEX, JOINT_NODES, JOINTS, JointState, Source
-from depth_pose.core.types import Skeleton
 from depth_pose.export import export_skeletons
 from depth_pose.export.floor import floor_of_feet
 from depth_pose.export.tracks import even, even_step_s, fill_gaps, read_tracks

@@ -10,8 +10,8 @@ from harness import Decoder
 from PIL import Image
 
 from depth_pose.core.camera import Camera
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import Source
-from depth_pose.core.types import Skeleton
 from depth_pose.io import schemas
 from depth_pose.io.compressed import decode_compressed_depth
 from depth_pose.io.mcap_read import frame_of_cloud, frame_of_image

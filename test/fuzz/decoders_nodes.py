@@ -16,14 +16,16 @@ from depth_pose.body.procedural import make_body
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import DepthPoseError
 from depth_pose.core.measurement import JointMeasurement
+from depth_pose.core.pose_match import Candidate, PoseMatch
+from depth_pose.core.result import BUILD_SIZE
 from depth_pose.core.skeleton import NODES, Source
-from depth_pose.core.types import BUILD_SIZE, Candidate, PoseMatch, TrackedPerson
 from depth_pose.io.skeleton_cdr import write_people
 from depth_pose.ros.messages.fits import fitted_to_msg, msg_to_fitted
 from depth_pose.ros.messages.matches import matches_to_msg, msg_to_matches
 from depth_pose.ros.messages.people import msg_to_people, people_to_msg
 from depth_pose.ros.messages.skeletons import msg_to_skeleton
 from depth_pose.track.person_view import see_people
+from depth_pose.track.tracked_person import TrackedPerson
 
 CAMERA = Camera(32, 24, 30.0, 30.0, 15.5, 11.5)
 

@@ -138,7 +138,8 @@ def test_recordings_of_it_are_read(tmp_path) -> None:
     """An MCAP file with compressed depth, written by a plain writer, gives the same frames."""
     from mcap.writer import Writer
 
-    from depth_pose.core.types import Camera, DepthFrame
+    from depth_pose.core.camera import Camera
+    from depth_pose.core.frame import DepthFrame
     from depth_pose.io.mcap_write import DepthWriter
     from depth_pose.io.messages import write_message
 
@@ -208,7 +209,7 @@ def test_metres_without_the_header_are_refused() -> None:
     ],
 )
 def test_depth_topics_are_found_by_their_content(tmp_path, topic, format, head) -> None:
-    from depth_pose.core.types import Camera
+    from depth_pose.core.camera import Camera
     from depth_pose.io import schemas
     from depth_pose.io.mcap_write import RecordingWriter
     from depth_pose.io.messages import write_camera_info, write_message

@@ -22,7 +22,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from depth_pose.archive.inputs import find_sources
 from depth_pose.core.errors import ConfigError, InputError
-from depth_pose.core.types import DepthFrame
+from depth_pose.core.frame import DepthFrame
 from depth_pose.io import schemas
 from depth_pose.io.image_options import ImageOptions
 from depth_pose.io.mcap_read import DepthReader, read_frames

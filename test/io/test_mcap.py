@@ -12,8 +12,8 @@ from mcap_ros2.writer import Writer as Ros2Writer
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import JOINTS, Source, Tracking
-from depth_pose.core.types import Skeleton
 from depth_pose.io import schemas
 from depth_pose.io.depth_topics import depth_topics
 from depth_pose.io.mcap_read import DepthReader, read_frames

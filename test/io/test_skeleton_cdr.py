@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from depth_pose.core.types import Skeleton
+from depth_pose.core.result import Skeleton
 from depth_pose.io import schemas
 from depth_pose.io.messages import read_message, write_message
 from depth_pose.io.skeleton_cdr import write_people, write_skeleton

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import synthetic as syn
+from depth_pose.core.labels import PERSON, UNKNOWN
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, JointState
-from depth_pose.core.types import PERSON, UNKNOWN
 from depth_pose.recover.confidence import (
     KINDS,
     SIGNS,

@@ -14,9 +14,9 @@ from depth_pose.body.build import BuildSpace
 from depth_pose.body.pose import Fitted
 from depth_pose.core.config import PersonalConfig, PipelineConfig, RecoverConfig, RefineConfig, SmoothConfig
 from depth_pose.core.measurement import JointMeasurement
+from depth_pose.core.result import Skeleton
 from depth_pose.core.rotations import matrix_to_quat, rotvec_to_matrix
 from depth_pose.core.skeleton import BONES, JOINT_NODES, JOINTS, NODE_INDEX, Source
-from depth_pose.core.types import Skeleton
 from depth_pose.pipeline import FrameResult, PosePipeline
 from depth_pose.recover.confidence import fit_confidence, report_joints, skeleton_confidence
 from depth_pose.recover.failure import FailureCheck, bone_lengths, limit_excess

@@ -13,15 +13,17 @@ from depth_pose.body.feet import heel_vertices
 from depth_pose.body.pose import BodyPose
 from depth_pose.body.rendered_depth import Observation
 from depth_pose.core._rotation_kernels import rotation_of
+from depth_pose.core.labels import BACKGROUND, PERSON, UNKNOWN
 from depth_pose.core.measurement import JointMeasurement
+from depth_pose.core.pose_match import Candidate
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import JOINT_NODES, JOINTS, MIRROR_JOINTS, NODE_INDEX, NODE_PARENTS
-from depth_pose.core.types import BACKGROUND, PERSON, UNKNOWN, Candidate, TrackedPerson
 from depth_pose.refine import _articulated_kernels as kernels
 from depth_pose.refine import _tree_kernels as tree
 from depth_pose.refine import _visibility_kernels as visibility
 from depth_pose.refine.articulated import ArticulatedFitter
 from depth_pose.refine.tuning import FitTuning
+from depth_pose.track.tracked_person import TrackedPerson
 
 LIMBS = [f"{side}_{joint}" for side in ("left", "right") for joint in ("shoulder", "elbow", "hip", "knee")]
 

@@ -12,9 +12,9 @@ import synthetic as syn
 from depth_pose.body.pose import BodyPose
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINT_NODES, JOINTS
-from depth_pose.core.types import TrackedPerson
 from depth_pose.refine.articulated import ArticulatedFitter
 from depth_pose.refine.noise import renew_noise, skin_noise
+from depth_pose.track.tracked_person import TrackedPerson
 
 
 def board(noise: np.ndarray):

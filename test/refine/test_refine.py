@@ -10,8 +10,8 @@ import pytest
 import synthetic as syn
 from depth_pose.core.config import PersonalConfig, RefineConfig
 from depth_pose.core.errors import BankError
+from depth_pose.core.pose_match import Candidate, PoseMatch
 from depth_pose.core.skeleton import JOINT_NODES, Source
-from depth_pose.core.types import Candidate, PoseMatch
 from depth_pose.recover.confidence import fit_confidence
 from depth_pose.refine.tuning import RefineTuning
 from depth_pose.tuning import Tuning

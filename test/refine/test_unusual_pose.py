@@ -10,9 +10,9 @@ import pytest
 import synthetic as syn
 from acted import rotations, the_bank, the_body
 from depth_pose.core.measurement import JointMeasurement
+from depth_pose.core.pose_match import Candidate, PoseMatch
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import JOINT_NODES, JOINTS
-from depth_pose.core.types import Candidate, PoseMatch
 from depth_pose.refine.pose_prior import PosePrior, usual_joints
 from stages import make_refiner
 

@@ -7,10 +7,10 @@ from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.body.rendered_depth import render_depth
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import PipelineConfig
+from depth_pose.core.labels import BACKGROUND, PERSON
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, NODE_INDEX, Source
-from depth_pose.core.types import BACKGROUND, PERSON, TrackedPerson
 from depth_pose.refine import _articulated_kernels as kernels
 from depth_pose.refine._tree_kernels import Equations
 from depth_pose.refine.body_fitter import BodyFitter
@@ -21,6 +21,7 @@ from depth_pose.rooms.room_refiner import Answer, RoomMemory, RoomRefiner
 from depth_pose.rooms.starts import best_limbs
 from depth_pose.rooms.view import view_at
 from depth_pose.track.person_view import see_people
+from depth_pose.track.tracked_person import TrackedPerson
 
 CAMERA = Camera(176, 144, 160.0, 160.0, 87.5, 71.5)
 MIDDLE = np.array([0.0, 0.0, 0.95])

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from walkers import standing
 
+from depth_pose.core.result import Skeleton
 from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix, rotation_z
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JOINTS, NODES, forward_kinematics, rest_nodes
-from depth_pose.core.types import Skeleton
 from depth_pose.rooms.merge import PlacedSkeleton
 from depth_pose.rooms.sides import agree_on_sides, exchange_sides
 from skeletons import make_skeleton

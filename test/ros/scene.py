@@ -7,10 +7,10 @@ import numpy as np
 from depth_pose.body.procedural import make_body
 from depth_pose.body.rendered_depth import render_depth
 from depth_pose.core.camera import Camera
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL as FACING
 from depth_pose.core.rotations import rotation_z
 from depth_pose.core.skeleton import NODE_INDEX
-from depth_pose.core.types import DepthFrame
 from depth_pose.io.mcap_write import DepthWriter
 
 CAMERA = Camera(176, 144, 170.0, 170.0, 87.5, 71.5)

@@ -17,7 +17,7 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, Poi
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import DenoiseConfig, SegmentConfig
-from depth_pose.core.types import PERSON
+from depth_pose.core.labels import PERSON
 from depth_pose.detect.sample_frame import sample_frame
 from depth_pose.perception import Perception
 from depth_pose.ros.messages.basics import make_header, ns_to_stamp, stamp_to_ns

@@ -13,7 +13,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2, PointField
 from test_denoise_node import image_msg, info_msg
 
-from depth_pose.core.types import DepthFrame
+from depth_pose.core.frame import DepthFrame
 from depth_pose.pipeline import PosePipeline
 from depth_pose.ros.messages.basics import make_header
 from depth_pose.ros.messages.fits import fitted_to_msg

@@ -12,10 +12,12 @@ from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
 from depth_pose.body.pose import BodyPose, Fitted, FittedBody
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
+from depth_pose.core.labels import HIDDEN
 from depth_pose.core.measurement import JointMeasurement
+from depth_pose.core.pose_match import Candidate, PoseMatch
+from depth_pose.core.result import BUILD_SIZE, Skeleton
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import BONES, JOINTS, NODE_INDEX, NODES, JointState, Source
-from depth_pose.core.types import BUILD_SIZE, HIDDEN, Candidate, PoseMatch, Skeleton, TrackedPerson
 from depth_pose.io.skeleton_cdr import write_people, write_skeleton
 from depth_pose.ros.messages.basics import ns_to_stamp, stamp_to_ns
 from depth_pose.ros.messages.fits import fitted_to_msg, msg_to_fitted
@@ -25,6 +27,7 @@ from depth_pose.ros.messages.people import POINT_DTYPE, msg_to_people, people_to
 from depth_pose.ros.messages.skeletons import msg_to_skeleton
 from depth_pose.ros.transport import drawing, tf
 from depth_pose.track.person_view import see_people
+from depth_pose.track.tracked_person import TrackedPerson
 from skeletons import random_skeleton
 
 

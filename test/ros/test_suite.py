@@ -9,8 +9,8 @@ from peer import LIMIT_S
 
 from depth_pose.bank import Bank
 from depth_pose.core.config import DenoiseConfig, PipelineConfig, RecoverConfig, SegmentConfig
+from depth_pose.core.pose_match import PoseMatch as Match
 from depth_pose.core.skeleton import Source
-from depth_pose.core.types import PoseMatch as Match
 from depth_pose.io.mcap_read import read_frames
 from depth_pose.perception import Perception
 from depth_pose.pipeline import PosePipeline

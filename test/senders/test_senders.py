@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from depth_pose import ConfigError, OscSender, People, WebSocketSender
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import JOINTS
-from depth_pose.core.types import Skeleton
 from depth_pose.senders.address import parse_address
 from osc_reader import read_osc
 from skeletons import random_skeleton

@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from depth_pose.core.camera import Camera
 from depth_pose.core.skeleton import JOINT_INDEX
-from depth_pose.core.types import Camera
 from depth_pose.sim._scene_kernels import cast_shadow
 from depth_pose.sim.furniture import AT_WALLS, STANDING
 from depth_pose.sim.noise import NO_NOISE

@@ -9,8 +9,8 @@ import pytest
 
 from depth_pose.core.config import FollowConfig
 from depth_pose.core.errors import ConfigError
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import Source
-from depth_pose.core.types import Skeleton
 from depth_pose.track.follow import Follower
 from depth_pose.track.state import MEMORY_NS
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from depth_pose.core.config import PipelineConfig, SegmentConfig
-from depth_pose.core.types import DepthFrame
+from depth_pose.core.frame import DepthFrame
 from depth_pose.detect.sample_frame import sample_frame
 from depth_pose.io.clouds import R_BODY_OPTICAL
 from depth_pose.pipeline import PosePipeline

@@ -10,8 +10,9 @@ import pytest
 from crowd import person, seen
 from depth_pose.bank import Bank
 from depth_pose.body.body import PosedBody
+from depth_pose.core.frame import DepthFrame
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import JOINT_NODES, JointState
-from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.pipeline import PosePipeline
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import synthetic as syn
-from depth_pose.core.types import BACKGROUND, PERSON, UNKNOWN
+from depth_pose.core.labels import BACKGROUND, PERSON, UNKNOWN
 from depth_pose.track.person_view import MIN_POINTS, thin, thin_image
 
 

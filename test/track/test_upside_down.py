@@ -7,8 +7,9 @@ import pytest
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
-from depth_pose.core.types import DepthFrame, TrackedPerson
+from depth_pose.core.frame import DepthFrame
 from depth_pose.track.person_view import FramePeople, see_people
+from depth_pose.track.tracked_person import TrackedPerson
 from depth_pose.track.upside_down import UpsideDownWatch
 
 CAMERA = Camera(160, 120, 110.0, 110.0, 79.5, 59.5)

@@ -15,7 +15,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from depth_pose.core.camera import Camera
-from depth_pose.core.types import DepthFrame
+from depth_pose.core.frame import DepthFrame
 from depth_pose.viewer.app import RATE_HZ
 from depth_pose.viewer.source import RecordedSource
 

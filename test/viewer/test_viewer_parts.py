@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from depth_pose.core.frame import DepthFrame
+from depth_pose.core.result import Skeleton
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL, matrix_to_quat
 from depth_pose.core.skeleton import JOINT_NODES, JointState, Source
-from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.core.zone import parse_zone
 from depth_pose.ros.tools.watch import NodeState
 from depth_pose.viewer import colours

@@ -9,8 +9,8 @@ import yaml
 from depth_pose.body.procedural import BodyShape
 from depth_pose.cli import main
 from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.result import Skeleton
 from depth_pose.core.rotations import quat_to_matrix
-from depth_pose.core.types import Skeleton
 from depth_pose.io.messages import read_image, write_image, write_message
 from depth_pose.io.recording import Recording
 from depth_pose.io.schemas import IMAGE

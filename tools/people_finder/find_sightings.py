@@ -33,9 +33,9 @@ from scenes import Scenes, list_shards, load_scenes
 from sightings import OUTSIDE
 
 from depth_pose.core.config import SegmentConfig
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.measurement import CropView
 from depth_pose.core.skeleton import JOINTS, MIRROR_JOINTS
-from depth_pose.core.types import DepthFrame
 from depth_pose.detect._crop_kernels import sample_crop
 from depth_pose.detect.candidates import CandidateFinder
 from depth_pose.detect.tuning import DetectTuning

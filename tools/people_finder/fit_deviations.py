@@ -21,8 +21,8 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from depth_pose.core.config import SegmentConfig
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.measurement import JointMeasurement
-from depth_pose.core.types import DepthFrame
 from depth_pose.detect.crop import Crop
 from depth_pose.detect.joint_calibration import DeviationScale, crop_measures
 from depth_pose.detect.joint_net import VotingNet

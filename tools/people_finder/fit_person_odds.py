@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from rich.progress import track
 
 from depth_pose.bank.bank import Bank, default_bank_path
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.odds import logistic
 from depth_pose.core.skeleton import JOINT_INDEX
-from depth_pose.core.types import DepthFrame
 from depth_pose.detect.tuning import DetectTuning
 from depth_pose.pipeline import PosePipeline
 from depth_pose.sim.clips import RoomClip, sample_clip, sample_still_clip

@@ -19,7 +19,7 @@ from scenes import Scenes, list_shards, load_scenes
 from torch import Tensor
 
 from depth_pose.core.camera import Camera
-from depth_pose.core.types import DepthFrame
+from depth_pose.core.frame import DepthFrame
 from depth_pose.detect.finder import PeopleFinder
 from depth_pose.detect.turned import reduce_frame
 from depth_pose.sim.scenes import MOST_PEOPLE

@@ -30,7 +30,7 @@ from onnxruntime.quantization.shape_inference import quant_pre_process
 from rich.progress import track
 
 from depth_pose.core.config import SegmentConfig
-from depth_pose.core.types import DepthFrame
+from depth_pose.core.frame import DepthFrame
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.detect.tuning import DetectTuning
 from depth_pose.sim.clips import sample_clip

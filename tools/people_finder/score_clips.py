@@ -19,7 +19,7 @@ import typer
 from numpy.typing import NDArray
 
 from depth_pose.core.config import SegmentConfig
-from depth_pose.core.types import DepthFrame
+from depth_pose.core.frame import DepthFrame
 from depth_pose.detect.finder import FinderResult, PeopleFinder, TorsoDetection, load_weights
 from depth_pose.detect.tuning import DetectTuning
 from depth_pose.io.mcap_read import read_frames

@@ -17,9 +17,9 @@ from depth_pose.bank.bank_file import read_bank_file, round_arrays, write_bank_f
 from depth_pose.body.body import Body
 from depth_pose.body.pose import BodyPose
 from depth_pose.core.errors import BankError
+from depth_pose.core.pose_match import Candidate
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import forward_kinematics
-from depth_pose.core.types import Candidate
 
 _PACKAGED = Path(__file__).parent / "data" / "default_bank.npz"
 """The default bank. It was made by `depth-pose bank build -o src/depth_pose/bank/data/default_bank.npz`."""

@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.angles import HANG
+from depth_pose.core.result import Skeleton
 from depth_pose.core.rotations import mirror_rotation, quat_to_matrix, rotation_y
 from depth_pose.core.skeleton import JOINT_INDEX, NODE_INDEX
-from depth_pose.core.types import Skeleton
 
 Array = NDArray[np.float64]
 

@@ -43,7 +43,7 @@ from depth_pose.core.rotations import quat_to_matrix, rotation_between, rotation
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, NODE_INDEX, rest_nodes
 
 if TYPE_CHECKING:
-    from depth_pose.core.types import Skeleton
+    from depth_pose.core.result import Skeleton
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import MountConfig
 from depth_pose.core.errors import InputError
-from depth_pose.core.types import DepthFrame, Skeleton
+from depth_pose.core.frame import DepthFrame
+from depth_pose.core.result import Skeleton
 
 UPRIGHT = "_upright"
 """Suffix of a frame's name while it is rotated upright."""

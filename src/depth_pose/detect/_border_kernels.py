@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from depth_pose.core.kernels import njit
-from depth_pose.core.types import BACKGROUND, HIDDEN
+from depth_pose.core.labels import BACKGROUND, HIDDEN
 
 _FLOOR_STEPS = 2.0
 """Factor on the depth step z^2 / f between rows of a level floor one metre below; larger steps are not

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from depth_pose.core.kernels import njit
-from depth_pose.core.types import BACKGROUND
+from depth_pose.core.labels import BACKGROUND
 
 _FAR_AWAY = 10_000
 """Number of rings around a pixel within which all labels are the same: the whole image."""

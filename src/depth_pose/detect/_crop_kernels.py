@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from depth_pose.core._select_kernels import kth_smallest
 from depth_pose.core.kernels import njit
+from depth_pose.core.labels import BACKGROUND
 from depth_pose.core.measurement import CropView
-from depth_pose.core.types import BACKGROUND
 from depth_pose.detect._finder_kernels import bounded, near_second
 
 CHANNELS = 8

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
-from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
+from depth_pose.core.frame import DepthFrame
+from depth_pose.core.labels import BACKGROUND, HIDDEN
 from depth_pose.detect import _border_kernels as kernels
 from depth_pose.detect.background import StillBackground
 from depth_pose.detect.finder import FinderResult, PeopleFinder, TorsoDetection, load_weights
@@ -137,7 +138,7 @@ class CandidateFinder:
         Returns
         -------
         (h, w) uint8
-            Their labels, and `depth_pose.core.types.HIDDEN`.
+            Their labels, and `depth_pose.core.labels.HIDDEN`.
         """
         depth, labels, jump = candidates.depth, candidates.labels.copy(), self._tuning.depth_jump
         kernels.mark_unsupported(depth, labels, jump, self._tuning.min_support)

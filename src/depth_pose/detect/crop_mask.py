@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
+from depth_pose.core.labels import BACKGROUND
 from depth_pose.core.measurement import CropMask
-from depth_pose.core.types import BACKGROUND
 from depth_pose.detect import _crop_kernels as kernels
 from depth_pose.detect._crop_kernels import MaskLimits
 from depth_pose.detect.crop import Crop

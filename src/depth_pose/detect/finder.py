@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.odds import logistic
-from depth_pose.core.types import DepthFrame
 from depth_pose.detect import _finder_kernels as kernels
 from depth_pose.detect import working_grid
 from depth_pose.detect._finder_kernels import NetImage

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.config import SegmentConfig
-from depth_pose.core.types import DepthFrame
+from depth_pose.core.frame import DepthFrame
 from depth_pose.detect.planes import PlaneFinder
 from depth_pose.detect.working_grid import reduce_frame
 

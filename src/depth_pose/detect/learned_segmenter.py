@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.config import SegmentConfig
+from depth_pose.core.frame import DepthFrame
+from depth_pose.core.labels import BACKGROUND, HIDDEN
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINTS
-from depth_pose.core.types import BACKGROUND, HIDDEN, DepthFrame
 from depth_pose.detect import working_grid
 from depth_pose.detect._border_kernels import mark_at_limbs, mark_nearer
 from depth_pose.detect.candidates import CandidateFinder, Candidates

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.config import SegmentConfig
-from depth_pose.core.types import BACKGROUND, DepthFrame
+from depth_pose.core.frame import DepthFrame
+from depth_pose.core.labels import BACKGROUND
 from depth_pose.detect import _carry_kernels as kernels
 from depth_pose.detect import working_grid
 from depth_pose.detect._carry_kernels import Before, CarryLimits

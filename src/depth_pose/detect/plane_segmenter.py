@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
-from depth_pose.core.types import BACKGROUND, HIDDEN, PERSON, DepthFrame
+from depth_pose.core.frame import DepthFrame
+from depth_pose.core.labels import BACKGROUND, HIDDEN, PERSON
 from depth_pose.detect import _surface_kernels as kernels
 from depth_pose.detect._border_kernels import mark_unsupported
 from depth_pose.detect.planes import PlaneFinder

@@ -7,9 +7,9 @@ import numpy as np
 from depth_pose.body.procedural import make_body
 from depth_pose.body.rendered_depth import render_depth
 from depth_pose.core.camera import Camera
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL, rotation_z
 from depth_pose.core.skeleton import NODE_INDEX
-from depth_pose.core.types import DepthFrame
 
 _CAMERA = Camera(width=176, height=144, fx=170.0, fy=170.0, cx=87.5, cy=71.5)
 """Camera of the sample frame, pixels; set by hand."""

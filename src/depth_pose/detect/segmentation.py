@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.measurement import JointMeasurement
-from depth_pose.core.types import DepthFrame
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Segmentation:
     depth : (h, w) float32
         Depth of people's pixels, metres; 0 elsewhere.
     labels : (h, w) uint8
-        Number of each pixel's person, 0 for free space, or `depth_pose.core.types.HIDDEN`.
+        Number of each pixel's person, 0 for free space, or `depth_pose.core.labels.HIDDEN`.
     camera : Camera
         Camera of the working grid.
     detections : tuple of Detection

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
-from depth_pose.core.types import DepthFrame
+from depth_pose.core.frame import DepthFrame
 from depth_pose.detect import _finder_kernels as kernels
 from depth_pose.detect._finder_kernels import NetImage
 

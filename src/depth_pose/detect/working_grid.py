@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import SegmentConfig
-from depth_pose.core.types import DepthFrame
+from depth_pose.core.frame import DepthFrame
 from depth_pose.detect import _reduce_kernels as kernels
 from depth_pose.detect.tuning import DetectTuning
 

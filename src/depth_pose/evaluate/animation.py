@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageOps
 
 from depth_pose.core.camera import Camera
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.outputs import new_file
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import BONES, JointState
 from depth_pose.core.sketch import LEFT, MIDDLE, RIGHT
-from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.evaluate.overlay import bone_colour
 from depth_pose.evaluate.panels import answers_in_images, project
 from depth_pose.evaluate.shading import shade_depth

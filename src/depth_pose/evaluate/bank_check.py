@@ -13,8 +13,9 @@ from depth_pose.bank.bank import Bank
 from depth_pose.body.rendered_depth import render_depth
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import InputError
+from depth_pose.core.frame import DepthFrame
+from depth_pose.core.pose_match import PoseMatch
 from depth_pose.core.skeleton import JOINT_NODES
-from depth_pose.core.types import DepthFrame, PoseMatch
 from depth_pose.evaluate.bank_sheet import draw_depth
 from depth_pose.evaluate.pictures import plain_text, save_picture
 from depth_pose.io.mcap_read import DepthReader

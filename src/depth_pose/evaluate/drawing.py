@@ -10,9 +10,9 @@ from PIL import Image, ImageDraw
 
 from depth_pose.core.camera import Camera, Lens
 from depth_pose.core.errors import InputError
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import BONES, JOINTS
 from depth_pose.core.sketch import MIDDLE, side_colour
-from depth_pose.core.types import Skeleton
 from depth_pose.evaluate.shading import shade_depth
 from depth_pose.io.depth_unit import INTEGER_UNIT_M
 from depth_pose.people import People

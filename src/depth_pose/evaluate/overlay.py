@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import BONES, JOINT_INDEX, JOINTS, JointState
 from depth_pose.core.sketch import LEFT, MIDDLE, RIGHT, side_colour
-from depth_pose.core.types import Skeleton
 from depth_pose.evaluate.panels import Panel, collect_panels, project
 from depth_pose.evaluate.pictures import plain_text, save_picture
 from depth_pose.evaluate.shading import shade_depth

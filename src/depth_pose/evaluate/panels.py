@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import ConfigError, InputError
+from depth_pose.core.frame import DepthFrame
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import JOINTS
-from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.evaluate.score_people import WEAK_SHARE
 from depth_pose.evaluate.truth import STAMP_TOLERANCE_NS, KnownPeople, load_known_people
 from depth_pose.io.mcap_read import DepthReader

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.errors import InputError
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.reading import parse_json, read_text
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import JOINT_INDEX
-from depth_pose.core.types import DepthFrame, Skeleton
 from depth_pose.evaluate.panels import project
 from depth_pose.evaluate.truth import require_camera_frame
 from depth_pose.io.mcap_read import DepthReader

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.errors import InputError
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import JOINT_INDEX
-from depth_pose.core.types import Skeleton
 from depth_pose.evaluate.truth import (
     STAMP_TOLERANCE_NS,
     KnownPeople,

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.errors import InputError
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.rotations import unit_vectors
 from depth_pose.core.skeleton import ADULT_STATURE_M, JOINT_INDEX
-from depth_pose.core.types import DepthFrame
 from depth_pose.detect.floor import Floor, FloorFinder
 from depth_pose.export.tracks import Track, Tracks, in_world
 from depth_pose.io.mcap_read import DepthReader

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.errors import InputError
+from depth_pose.core.result import BUILD_SIZE, Skeleton
 from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix, slerp
 from depth_pose.core.skeleton import JOINTS, JointState, Source
-from depth_pose.core.types import BUILD_SIZE, Skeleton
 from depth_pose.io.schemas import PEOPLE_TOPIC
 from depth_pose.io.skeleton_read import read_people
 
@@ -67,7 +67,7 @@ class Track:
     joint_states : (T, 19) uint8
         `depth_pose.core.skeleton.JointState` values.
     confidence, residual, scale : (T,) float32
-        As in `depth_pose.core.types.Skeleton`.
+        As in `depth_pose.core.result.Skeleton`.
     source : (T,) uint8
         `depth_pose.core.skeleton.Source` values; LOST in gaps.
     build : (T, 13) float32

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.image_size import MAX_PIXELS, check_shape, check_size
-from depth_pose.core.types import DepthFrame
 from depth_pose.io._virtual_camera import MAX_TANGENT, project_cloud
 from depth_pose.io.decode import check_bytes
 

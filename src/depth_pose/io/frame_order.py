@@ -8,8 +8,8 @@ from dataclasses import replace
 from itertools import pairwise
 from statistics import median
 
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.stamps import OUT_OF_ORDER, STRAY, follows, is_late
-from depth_pose.core.types import DepthFrame
 
 _AHEAD = 2
 """Number of frames read ahead: later ones than that are skipped, not sorted; set by hand."""

@@ -15,8 +15,8 @@ import numpy as np
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import BONES, JOINT_INDEX, JointState
-from depth_pose.core.types import Skeleton
 
 MARKERS_TOPIC, MARKER_ARRAY = "/depth_pose/markers", "visualization_msgs/msg/MarkerArray"
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from depth_pose.core.errors import InputError
-from depth_pose.core.types import DepthFrame
+from depth_pose.core.frame import DepthFrame
 from depth_pose.io import schemas
 from depth_pose.io.calibration import is_rectified, lens_of_image
 from depth_pose.io.camera_infos import CameraInfos

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.outputs import NewFile
-from depth_pose.core.types import DepthFrame, Skeleton
+from depth_pose.core.result import Skeleton
 from depth_pose.io import markers, schemas
 from depth_pose.io.messages import write_camera_info, write_image
 from depth_pose.io.schemas import DEPTH_TOPIC, PEOPLE_TOPIC, SKELETON_TOPIC

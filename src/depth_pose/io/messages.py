@@ -19,8 +19,9 @@ from rosbags.typesys.store import Typestore
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
+from depth_pose.core.joint import symmetric
+from depth_pose.core.result import BUILD_SIZE, Skeleton
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointState, Source, Tracking
-from depth_pose.core.types import BUILD_SIZE, Skeleton, symmetric
 from depth_pose.io import schemas
 
 _MOST_SKELETON_BYTES = 4 << 20

@@ -9,8 +9,9 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.joint import six_numbers
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import JOINTS
-from depth_pose.core.types import Skeleton, six_numbers
 
 _NAMES = [(len(name) + 1, name.encode()) for name in JOINTS]
 _NS_PER_S = 1_000_000_000

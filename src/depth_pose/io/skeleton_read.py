@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from depth_pose.core.errors import InputError
-from depth_pose.core.types import Skeleton
+from depth_pose.core.result import Skeleton
 from depth_pose.io import schemas
 from depth_pose.io.damage import tell_damage
 from depth_pose.io.depth_topics import describe_topics

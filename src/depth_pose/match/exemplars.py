@@ -16,7 +16,7 @@ from depth_pose.bank.bank import Bank
 from depth_pose.bank.canonical import describe
 from depth_pose.bank.views import AXES
 from depth_pose.body.pose import BodyPose
-from depth_pose.core.types import Candidate
+from depth_pose.core.pose_match import Candidate
 from depth_pose.match._match_kernels import keep_different
 from depth_pose.match.placing import (
     ExemplarRenderer,

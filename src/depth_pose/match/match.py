@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from depth_pose.bank.bank import Bank
 from depth_pose.core.odds import logistic
-from depth_pose.core.types import PoseMatch
+from depth_pose.core.pose_match import PoseMatch
 from depth_pose.match import turns
 from depth_pose.match.exemplars import ExemplarSource
 from depth_pose.match.scale import SizeFinder, Trial

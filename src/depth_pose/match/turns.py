@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from depth_pose.core.pose_match import PoseMatch
 from depth_pose.core.stamps import MAX_REUSE_NS
-from depth_pose.core.types import PoseMatch
 from depth_pose.track.person_view import PersonView
 from depth_pose.track.state import Schedule
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from depth_pose.core.kernels import njit
-from depth_pose.core.types import BACKGROUND, PERSON
+from depth_pose.core.labels import BACKGROUND, PERSON
 
 _SEEN, _OCCLUDED, _OUTSIDE = 0, 1, 2
 """Values of `depth_pose.core.skeleton.JointState`."""

@@ -25,9 +25,9 @@ from depth_pose.body.build import BUILD_NAMES
 from depth_pose.body.pose import BodyPose, Fitted
 from depth_pose.body.rendered_depth import Comparison
 from depth_pose.core.config import RecoverConfig, SmoothConfig
+from depth_pose.core.result import Skeleton
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import Source
-from depth_pose.core.types import Skeleton
 from depth_pose.recover.failure import KINDS, Failure, FailureCheck, Verdict, judge, limit_excess
 from depth_pose.recover.published import is_published, renew_disagreement
 from depth_pose.recover.report import to_skeleton

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from depth_pose.body.pose import Fitted
+from depth_pose.core.result import Skeleton
 from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.core.skeleton import JOINT_NODES, Source
-from depth_pose.core.types import Skeleton
 from depth_pose.recover.confidence import report_joints, skeleton_confidence
 from depth_pose.recover.measurements import covariances, weigh_joints
 from depth_pose.track.person_view import PersonView

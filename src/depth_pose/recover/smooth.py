@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.config import SmoothConfig
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import Tracking
-from depth_pose.core.types import Skeleton
 from depth_pose.track.state import FilterState
 
 SPEED_CUTOFF_HZ = 4.0

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from depth_pose.core.types import PERSON
+from depth_pose.core.labels import PERSON
 from depth_pose.detect._crop_kernels import measure_bend
 from depth_pose.track.person_view import PersonView
 

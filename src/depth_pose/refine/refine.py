@@ -17,9 +17,9 @@ from depth_pose.bank.bank import Bank
 from depth_pose.body.pose import Fitted
 from depth_pose.core.config import PersonalConfig
 from depth_pose.core.errors import BankError
+from depth_pose.core.pose_match import Candidate, PoseMatch
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import Source
-from depth_pose.core.types import Candidate, PoseMatch
 from depth_pose.refine.body_fitter import BodyFitter, PersonFitter
 from depth_pose.refine.build_learner import BuildLearner
 from depth_pose.refine.noise import renew_noise, skin_noise

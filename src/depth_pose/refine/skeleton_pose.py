@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
 from depth_pose.body.pose import BodyPose
+from depth_pose.core.result import Skeleton
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import JOINT_NODES, MIRROR_NODES, NODE_INDEX, NODES
-from depth_pose.core.types import Skeleton
 from depth_pose.refine import _aim_kernels as kernels
 
 _AIMED = np.array(

@@ -11,8 +11,8 @@ from depth_pose.bank.bank import Bank
 from depth_pose.body.body import Body
 from depth_pose.body.pose import BodyPose
 from depth_pose.core.measurement import JointMeasurement
+from depth_pose.core.pose_match import PoseMatch
 from depth_pose.core.skeleton import JOINT_NODES, JOINTS
-from depth_pose.core.types import PoseMatch
 from depth_pose.refine.skeleton_pose import aim_limbs
 from depth_pose.refine.solver import Hypothesis
 from depth_pose.track.state import PersonState

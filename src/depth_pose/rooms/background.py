@@ -10,7 +10,8 @@ from scipy.ndimage import maximum_filter
 from scipy.spatial import cKDTree
 
 from depth_pose.core.camera import Camera
-from depth_pose.core.types import HIDDEN, DepthFrame
+from depth_pose.core.frame import DepthFrame
+from depth_pose.core.labels import HIDDEN
 from depth_pose.track.person_view import FramePeople
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.errors import InputError
-from depth_pose.core.types import Skeleton
+from depth_pose.core.result import Skeleton
 from depth_pose.detect.floor import Floor
 from depth_pose.rooms.background import RoomSurface, find_surface
 from depth_pose.rooms.calibration_checks import check_match, check_people, check_records, check_solution

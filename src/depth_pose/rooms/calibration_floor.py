@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.config import SegmentConfig
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.rotations import unit_vectors
 from depth_pose.core.skeleton import ADULT_STATURE_M, JOINT_INDEX, NODE_INDEX, rest_nodes
-from depth_pose.core.types import DepthFrame
 from depth_pose.detect.floor import Floor, FloorFinder
 from depth_pose.rooms.background import EmptyRoom
 from depth_pose.rooms.calibration_input import BodyTrack

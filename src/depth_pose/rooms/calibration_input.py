@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import JointState
-from depth_pose.core.types import Skeleton
 from depth_pose.rooms.background import EmptyRoom
 
 Array = NDArray[np.float64]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from depth_pose.body.pose import BodyPose
-from depth_pose.core.types import Skeleton
+from depth_pose.core.result import Skeleton
 from depth_pose.pipeline import FrameResult
 from depth_pose.track.packed_people import PackedPeople, pack_people
 

@@ -16,7 +16,7 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.core.types import Skeleton
+from depth_pose.core.result import Skeleton
 from depth_pose.rooms.clock import CORRELATED_S, ENOUGH_S, SLOW_M_S
 from depth_pose.rooms.merge import place
 from depth_pose.rooms.rig import ROOM_FRAME

@@ -15,8 +15,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import JOINT_INDEX, JointState
-from depth_pose.core.types import Skeleton
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from depth_pose.bank.bank import Bank
 from depth_pose.body.pose import BodyPose
 from depth_pose.core.config import MAX_STAMP_GAP_NS, PipelineConfig
 from depth_pose.core.errors import InputError
-from depth_pose.core.types import Skeleton
+from depth_pose.core.result import Skeleton
 from depth_pose.recover.smooth import low_pass, with_motion
 from depth_pose.rooms.camera_frame import CameraFrame
 from depth_pose.rooms.clock_course import ClockCourse

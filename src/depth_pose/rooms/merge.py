@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.result import BUILD_SIZE, Skeleton
 from depth_pose.core.skeleton import JointState, Source
-from depth_pose.core.types import BUILD_SIZE, Skeleton
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.config import SmoothConfig
-from depth_pose.core.types import Skeleton
+from depth_pose.core.result import Skeleton
 from depth_pose.recover.smooth import low_pass, with_motion
 from depth_pose.rooms.fit_check import FitCheck
 from depth_pose.rooms.jumps import JumpMeter

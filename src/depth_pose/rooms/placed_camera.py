@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.errors import ConfigError
-from depth_pose.core.types import DepthFrame, Skeleton
+from depth_pose.core.frame import DepthFrame
+from depth_pose.core.result import Skeleton
 from depth_pose.rooms.merge import place
 from depth_pose.rooms.recorded import RecordedPeople
 from depth_pose.rooms.rig import T_WORLD_ROOM, RigCamera

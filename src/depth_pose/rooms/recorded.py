@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from depth_pose.core.errors import InputError
+from depth_pose.core.result import Skeleton
 from depth_pose.core.rotations import slerp
-from depth_pose.core.types import Skeleton
 from depth_pose.io.schemas import PEOPLE_TOPIC
 from depth_pose.io.skeleton_read import read_people
 from depth_pose.rooms.rig import ROOM_FRAME

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from depth_pose.bank.bank import Bank
 from depth_pose.body.pose import BodyPose, Fitted, FittedBody
 from depth_pose.core.config import PipelineConfig
+from depth_pose.core.result import Skeleton
 from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.core.skeleton import JOINT_NODES, Source
-from depth_pose.core.types import Skeleton
 from depth_pose.recover.report import to_skeleton
 from depth_pose.recover.smooth import low_pass, with_motion
 from depth_pose.refine.body_fitter import BodyFitter

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import JOINTS, MIRROR_JOINTS
-from depth_pose.core.types import Skeleton
 from depth_pose.rooms.merge import PlacedSkeleton
 
 Array = NDArray[np.float64]

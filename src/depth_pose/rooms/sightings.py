@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointState
-from depth_pose.core.types import Skeleton
 
 TRUNK: NDArray[np.int64] = np.array(
     [

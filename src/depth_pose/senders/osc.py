@@ -20,7 +20,7 @@ import numpy as np
 
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.extras import require
-from depth_pose.core.types import Skeleton
+from depth_pose.core.result import Skeleton
 from depth_pose.senders.address import LOCAL
 
 _UP = np.array([1.0, -1.0, 1.0])

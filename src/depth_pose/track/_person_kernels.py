@@ -6,7 +6,7 @@ import numpy as np
 
 from depth_pose.core._camera_kernels import ray
 from depth_pose.core.kernels import njit
-from depth_pose.core.types import BACKGROUND, HIDDEN, PERSON, UNKNOWN
+from depth_pose.core.labels import BACKGROUND, HIDDEN, PERSON, UNKNOWN
 
 _BESIDE_M = 0.15
 """Pixels of another person up to this far (m) behind a person's centre may still hide the person."""

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from depth_pose.core.config import FollowConfig
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import JOINT_INDEX
-from depth_pose.core.types import Skeleton
 from depth_pose.track.state import MEMORY_NS
 
 _PELVIS = JOINT_INDEX["pelvis"]

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera, Lens
 from depth_pose.core.config import MountConfig
+from depth_pose.core.frame import DepthFrame
+from depth_pose.core.labels import MOST_LABEL
 from depth_pose.core.mount import rotation_sensor_upright
-from depth_pose.core.types import MOST_LABEL, DepthFrame
 from depth_pose.io.rectification import unrectify_labels
 from depth_pose.track.person_view import FramePeople
 

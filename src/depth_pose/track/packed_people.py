@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from depth_pose.body.rendered_depth import Observation
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
+from depth_pose.core.labels import PERSON
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.packing import pack, unpack
 from depth_pose.core.skeleton import JOINTS
-from depth_pose.core.types import PERSON, TrackedPerson
 from depth_pose.track import _person_kernels as kernels
 from depth_pose.track.person_view import MIN_POINTS, FramePeople, PersonView
+from depth_pose.track.tracked_person import TrackedPerson
 
 _FRAME = np.dtype([("grid", "<f8", 6), ("floor", "<f8", 4)])
 """The camera's fields in their order, and the floor."""

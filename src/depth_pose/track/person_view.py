@@ -18,9 +18,9 @@ from depth_pose.body.rendered_depth import DepthComparer, Observation, nearest_p
 from depth_pose.core.camera import Camera
 from depth_pose.core.measurement import NO_PROPOSALS, JointMeasurement, both_namings
 from depth_pose.core.skeleton import JOINT_INDEX
-from depth_pose.core.types import TrackedPerson
 from depth_pose.track import _person_kernels as kernels
 from depth_pose.track.target import FitTarget
+from depth_pose.track.tracked_person import TrackedPerson
 
 MIN_POINTS = 100
 """Least number of points of a person that can be matched; set by hand."""
@@ -148,7 +148,7 @@ class FramePeople:
         Denoised depth of people's pixels, metres; 0 elsewhere. No pixels in other processes, which need the
         people alone.
     labels : (h, w) uint8
-        Number of the person at each pixel; 0 for free space, `depth_pose.core.types.HIDDEN` where
+        Number of the person at each pixel; 0 for free space, `depth_pose.core.labels.HIDDEN` where
         something nearer, or nothing, was measured. No pixels in other processes.
     persons : tuple of PersonView
     floor : (4,) float64

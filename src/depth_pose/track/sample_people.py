@@ -7,11 +7,12 @@ import numpy as np
 from depth_pose.bank.bank import Bank
 from depth_pose.body.rendered_depth import render_depth
 from depth_pose.core.camera import Camera
+from depth_pose.core.labels import BACKGROUND, PERSON
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import JOINT_NODES
-from depth_pose.core.types import BACKGROUND, PERSON, TrackedPerson
 from depth_pose.track.person_view import FramePeople, see_people
+from depth_pose.track.tracked_person import TrackedPerson
 
 _CAMERA = Camera(width=176, height=144, fx=200.0, fy=200.0, cx=87.5, cy=71.5)
 """Camera of the sample image, pixels."""

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from depth_pose.body.pose import BodyPose, Fitted
 from depth_pose.core.config import MAX_STAMP_GAP_NS
+from depth_pose.core.pose_match import PoseMatch
 from depth_pose.core.stamps import StampGuard
-from depth_pose.core.types import PoseMatch
 from depth_pose.track.person_view import FramePeople, PersonView
 
 MEMORY_NS = 2_000_000_000

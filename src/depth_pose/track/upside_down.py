@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from depth_pose.core.config import MountConfig, SegmentConfig
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.mount import rotate_upright
-from depth_pose.core.types import DepthFrame
 from depth_pose.detect.floor import FloorFinder, stands_on
 from depth_pose.track.person_view import FramePeople
 

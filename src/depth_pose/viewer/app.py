@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from depth_pose.core.config import FollowConfig
 from depth_pose.core.errors import ConfigError, DepthPoseError
 from depth_pose.core.extras import require
+from depth_pose.core.result import Skeleton
 from depth_pose.core.rotations import rotation_z
-from depth_pose.core.types import Skeleton
 from depth_pose.core.zone import Zone, parse_zone
 from depth_pose.track.follow import Follower
 from depth_pose.viewer.access import own_pages_only

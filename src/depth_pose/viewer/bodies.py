@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
 from depth_pose.body.build import BuildSpace
-from depth_pose.core.types import Skeleton
+from depth_pose.core.result import Skeleton
 from depth_pose.refine.skeleton_pose import pose_from_skeleton
 
 

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
+from depth_pose.core.frame import DepthFrame
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import BONES, JOINTS
-from depth_pose.core.types import DepthFrame, Skeleton
 
 MOST_POINTS = 20_000
 """Maximum number of a frame's points kept and sent to the browser; 240 kB. Set by hand."""

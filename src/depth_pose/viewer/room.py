@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.errors import InputError
-from depth_pose.core.types import DepthFrame, Skeleton
+from depth_pose.core.frame import DepthFrame
+from depth_pose.core.result import Skeleton
 from depth_pose.detect.floor import Floor
 from depth_pose.export.floor import floor_of_depth, floor_of_feet
 from depth_pose.export.tracks import tracks_of

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.camera import Camera
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import BONES, JOINT_INDEX, JOINTS, JointState
-from depth_pose.core.types import Skeleton
 from depth_pose.viewer import colours
 from depth_pose.viewer.frames import ViewerFrame, owners
 from depth_pose.viewer.frusta import RoomCameras, add_frustum, pose_node

@@ -10,7 +10,8 @@ import numpy as np
 
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import DepthPoseError
-from depth_pose.core.types import DepthFrame, Skeleton
+from depth_pose.core.frame import DepthFrame
+from depth_pose.core.result import Skeleton
 from depth_pose.rooms.merge import place
 from depth_pose.rooms.placed_camera import Answer
 from depth_pose.rooms.recorded import RecordedPeople

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from depth_pose.core.printable import printable
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import ADULT_STATURE_M, JOINT_INDEX, JointState
-from depth_pose.core.types import Skeleton
 from depth_pose.core.zone import Zone
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.errors import ConfigError
-from depth_pose.core.types import DepthFrame
+from depth_pose.core.frame import DepthFrame
 from depth_pose.perception import Perception
 from depth_pose.rooms.rig import RigCamera, check_images
 from depth_pose.volume.config import SpaceConfig, VolumeConfig

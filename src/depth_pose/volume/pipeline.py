@@ -16,6 +16,7 @@ from threadpoolctl import ThreadpoolController
 from depth_pose.body.angles import angles_from_rotations
 from depth_pose.body.procedural import make_body
 from depth_pose.core.config import MAX_STAMP_GAP_NS
+from depth_pose.core.result import Skeleton
 from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.core.skeleton import (
     ADULT_STATURE_M,
@@ -27,7 +28,6 @@ from depth_pose.core.skeleton import (
     Source,
     forward_kinematics,
 )
-from depth_pose.core.types import Skeleton
 from depth_pose.rooms.rigfile import Rig, upright_from
 from depth_pose.volume.config import VolumeConfig
 from depth_pose.volume.descriptor import heading_angle

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from depth_pose.body.pose import BodyPose, Fitted, FittedBody
 from depth_pose.core.errors import InputError
+from depth_pose.core.result import BUILD_SIZE
 from depth_pose.core.skeleton import NODES, Source
-from depth_pose.core.types import BUILD_SIZE
 from depth_pose.ros.messages.checks import check_numbers, check_people
 from depth_pose.ros.messages.people import people_to_msg, read_people, text_of
 from depth_pose.track.person_view import FramePeople

@@ -8,7 +8,7 @@ import numpy as np
 from depth_pose_msgs.msg import Packed
 
 from depth_pose.core.errors import InputError
-from depth_pose.core.types import Candidate, PoseMatch
+from depth_pose.core.pose_match import Candidate, PoseMatch
 from depth_pose.ros.messages.checks import check_numbers, check_people
 from depth_pose.ros.messages.people import people_to_msg, read_people, text_of
 from depth_pose.track.person_view import FramePeople

@@ -13,12 +13,12 @@ from sensor_msgs.msg import PointCloud2, PointField
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import InputError
 from depth_pose.core.packing import pack, unpack
-from depth_pose.core.types import TrackedPerson
 from depth_pose.ros.messages.basics import make_header, stamp_to_ns
 from depth_pose.ros.messages.checks import check_numbers, check_people, check_shares
 from depth_pose.track._person_kernels import pack_points
 from depth_pose.track.packed_people import PEOPLE_KINDS, people_arrays, people_of
 from depth_pose.track.person_view import MIN_POINTS, FramePeople, see_people
+from depth_pose.track.tracked_person import TrackedPerson
 
 POINT_DTYPE = np.dtype(
     {

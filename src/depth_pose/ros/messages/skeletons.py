@@ -7,8 +7,9 @@ from depth_pose_msgs.msg import Skeleton as SkeletonMsg
 from numpy.typing import NDArray
 
 from depth_pose.core.errors import InputError
+from depth_pose.core.joint import symmetric
+from depth_pose.core.result import BUILD_SIZE, Skeleton
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointState, Source, Tracking
-from depth_pose.core.types import BUILD_SIZE, Skeleton, symmetric
 from depth_pose.ros.messages.basics import stamp_to_ns
 from depth_pose.ros.messages.checks import FARTHEST_M, check_numbers, check_shares
 

@@ -13,10 +13,10 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 
 from depth_pose.core.config import PipelineConfig
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.mount import rotate_upright
 from depth_pose.core.printable import printable
 from depth_pose.core.stamps import StampFilter
-from depth_pose.core.types import DepthFrame
 from depth_pose.detect.input_repair import InputRepair
 from depth_pose.io import clouds, compressed
 from depth_pose.io.calibration import is_rectified

@@ -22,7 +22,7 @@ from visualization_msgs.msg import MarkerArray
 from depth_pose.body.bodies import find_body
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.errors import ConfigError, InputError
-from depth_pose.core.types import Skeleton
+from depth_pose.core.result import Skeleton
 from depth_pose.io.skeleton_cdr import write_people
 from depth_pose.rooms.merger import RoomMerger
 from depth_pose.rooms.rigfile import load_rig

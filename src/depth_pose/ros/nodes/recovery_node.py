@@ -11,7 +11,7 @@ from visualization_msgs.msg import MarkerArray
 
 from depth_pose.core.config import PipelineConfig
 from depth_pose.core.mount import check_upright, rotate_to_sensor, sensor_frame
-from depth_pose.core.types import Skeleton as SkeletonData
+from depth_pose.core.result import Skeleton as SkeletonData
 from depth_pose.io.skeleton_cdr import write_people, write_skeleton
 from depth_pose.recover.recover import Recoverer
 from depth_pose.ros.messages.fits import msg_to_fitted

@@ -18,9 +18,9 @@ from depth_pose.body.build import BuildSpace
 from depth_pose.body.human_model import JOINTS, LINKS, Posture, Sizes, make_urdf, posture_of
 from depth_pose.core.camera import Camera
 from depth_pose.core.errors import ConfigError
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.core.skeleton import JointState as Seen
-from depth_pose.core.types import Skeleton
 from depth_pose.ros.messages.basics import make_header
 from depth_pose.ros.transport.tf import LATCHED, Transforms, stamped, stamped_all
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import Image
 
 from depth_pose.core.config import MountConfig
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.mount import UPRIGHT, rotation_sensor_upright
-from depth_pose.core.types import DepthFrame
 from depth_pose.detect.floor import Floor, FloorFinder
 from depth_pose.io.clouds import OPTICAL, R_BODY_OPTICAL
 from depth_pose.ros.messages.basics import make_header

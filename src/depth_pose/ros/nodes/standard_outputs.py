@@ -9,7 +9,7 @@ import numpy as np
 from geometry_msgs.msg import Point, Vector3
 
 from depth_pose.core.errors import ConfigError
-from depth_pose.core.types import Skeleton
+from depth_pose.core.result import Skeleton
 from depth_pose.ros.messages.basics import make_header
 
 if TYPE_CHECKING:

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from depth_pose.core.errors import InputError
+from depth_pose.core.frame import DepthFrame
 from depth_pose.core.printable import printable
-from depth_pose.core.types import DepthFrame, Skeleton
+from depth_pose.core.result import Skeleton
 from depth_pose.io import schemas
 from depth_pose.io.calibration import is_rectified
 from depth_pose.io.camera_infos import CameraInfos

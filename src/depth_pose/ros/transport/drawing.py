@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import BONES, JOINT_INDEX, JointState
-from depth_pose.core.types import Skeleton
 from depth_pose.io.markers import BONE_WIDTH_M, COLOURS, JOINT_SIZE_M, LIFETIME_NS, NAME_SIZE_M
 from depth_pose.ros.messages.basics import make_header
 

@@ -12,9 +12,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Header
 
 from depth_pose.core.errors import ConfigError
+from depth_pose.core.result import Skeleton
 from depth_pose.core.rotations import matrix_to_quat
 from depth_pose.core.skeleton import JOINTS
-from depth_pose.core.types import Skeleton
 from depth_pose.ros.messages.basics import make_header
 from depth_pose.ros.transport.host import TopicHost
 

@@ -1,199 +1,25 @@
-"""Data passed between the steps: depth frame, found person, match, and the published skeleton.
-
-All of them are frozen and in SI units.
-"""
+"""The published result: one person's skeleton in one frame."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.boxes import box_2d, box_3d
 from depth_pose.core.camera import Camera, Lens
-from depth_pose.core.errors import InputError
-from depth_pose.core.measurement import JointMeasurement
+from depth_pose.core.joint import Joint
 from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointName, JointState, Source, Tracking
 from depth_pose.core.sketch import html, plot
-from depth_pose.core.tables import to_pandas
-
-
-@dataclass(frozen=True)
-class DepthFrame:
-    """One depth image.
-
-    Attributes
-    ----------
-    stamp_ns : int
-        The sensor's time stamp, nanoseconds.
-    frame_id : str
-        Name of the optical frame.
-    depth : (H, W) float32
-        Distance along the optical axis, metres; 0 or NaN where nothing returned.
-    camera : Camera
-    filled : float
-        Share of the image that the sensor sees; less than 1 where it was rotated.
-    in_view : float
-        Share of a point cloud's points that lie in view of the camera; 1 of an image.
-
-    Raises
-    ------
-    InputError
-        Where depth is not float32, or not of the camera's size.
-    """
-
-    stamp_ns: int
-    frame_id: str
-    depth: NDArray[np.float32]
-    camera: Camera
-    filled: float = 1.0
-    in_view: float = 1.0
-
-    def __post_init__(self) -> None:
-        if self.depth.dtype != np.float32:
-            raise InputError(f"depth has dtype {self.depth.dtype}; a DepthFrame has float32 metres")
-        if self.depth.shape != (self.camera.height, self.camera.width):
-            raise InputError(
-                f"depth has shape {self.depth.shape}, the camera's image "
-                f"{(self.camera.height, self.camera.width)}: rows, columns"
-            )
-
-
-BACKGROUND, PERSON, UNKNOWN = 0, 1, 2
-"""State of a pixel for one person: free space; the person; hidden by something nearer, or no return."""
-
-HIDDEN = 255
-"""Label in the cloud of all people where something nearer than a person, or nothing, returned."""
-
-MOST_LABEL = 254
-"""Largest number of a person in a cloud's labels; 0 is free space."""
-
-
-@dataclass(frozen=True)
-class TrackedPerson:
-    """A person found in a frame.
-
-    Attributes
-    ----------
-    label : int
-        Their number in the frame's labels, 1 to `MOST_LABEL`.
-    body_id : str
-        Stays the same while they are followed.
-    probability : float
-        Probability that this is a person, 0 to 1, over all frames in which they were followed.
-    measured : JointMeasurement or None
-        Their joints, as the joint net measured them; None without.
-    is_calm : bool
-        Whether hardly anything of the person has moved since they were measured: then the earlier answers
-        still hold, and no stage searches for others.
-    """
-
-    label: int
-    body_id: str
-    probability: float
-    measured: JointMeasurement | None = None
-    is_calm: bool = False
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """One exemplar that may show the input's pose.
-
-    Attributes
-    ----------
-    exemplar, view : int
-        Row of the bank's poses, and the view of it that matched.
-    rotation, translation : (3, 3), (3,) float64
-        ``T_camera_model``: from the exemplar's model frame, *after* scaling, to the camera.
-    distance : float
-        Distance in the PCA subspace (eq. 6).
-    score : float
-        Rendered-depth disagreement with the input, 0 (same) to 1; lower is better.
-    """
-
-    exemplar: int
-    view: int
-    rotation: NDArray[np.float64]
-    translation: NDArray[np.float64]
-    distance: float
-    score: float
-
-
-@dataclass(frozen=True)
-class PoseMatch:
-    """The matcher's result for one person, best candidate first.
-
-    Attributes
-    ----------
-    body_id : str
-    bank_id : str
-        Content hash of the bank that the exemplar numbers refer to.
-    scale : float
-        The person's size relative to the bank's body.
-    candidates : tuple of Candidate
-    """
-
-    body_id: str
-    bank_id: str
-    scale: float
-    candidates: tuple[Candidate, ...]
-
+from depth_pose.core.tables import to_dict, to_pandas, to_record
 
 BUILD_SIZE = 13
 """Length of a person's build vector, as `depth_pose.body.build.BUILD_NAMES`."""
 
-
-class Joint(NamedTuple):
-    """One joint of a skeleton.
-
-    Attributes
-    ----------
-    name : str
-        One of `depth_pose.JOINTS`.
-    position : (3,) float64
-        Centre of rotation in the camera frame (x right, y down, z forward), metres.
-    quat_xyzw : (4,) float64
-        Rotation of the segment that begins at the joint, rest pose to camera frame.
-    confidence : float
-        Probability that the position is within 10 cm, 0 to 1.
-    state : JointState
-        SEEN, OCCLUDED, OUTSIDE_IMAGE or LOST.
-    velocity : (3,) float64
-        Camera frame, m/s; NaN where it is unknown.
-    covariance : (3, 3) float64
-        Of the position, camera frame, m^2; NaN where it is unknown.
-    """
-
-    name: JointName
-    position: NDArray[np.float64]
-    quat_xyzw: NDArray[np.float64]
-    confidence: float
-    state: JointState
-    velocity: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-
-
-RECORD = np.dtype(
-    [
-        ("stamp_ns", "i8"),
-        ("body_id", "U32"),
-        ("source", "U9"),
-        ("confidence", "f4"),
-        ("residual", "f4"),
-        ("scale", "f4"),
-        ("positions", "f8", (len(JOINTS), 3)),
-        ("quats_xyzw", "f8", (len(JOINTS), 4)),
-        ("joint_confidence", "f4", (len(JOINTS),)),
-        ("joint_states", "u1", (len(JOINTS),)),
-        ("velocities", "f4", (len(JOINTS), 3)),
-        ("covariances", "f4", (len(JOINTS), 3, 3)),
-    ]
-)
-"""Type of `Skeleton.to_record`; rows of ``positions`` and the like are in the order of `JOINTS`."""
 
 _TRUNK = [JOINT_INDEX[name] for name in ("pelvis", "spine", "chest")]
 """Joints whose mean is the centre of a person."""
@@ -383,43 +209,11 @@ class Skeleton:
 
         What is unknown is None.
         """
-        return {
-            "body_id": self.body_id,
-            "time_s": self.time,
-            "stamp_ns": self.stamp_ns,
-            "frame_id": self.frame_id,
-            "source": Source(self.source).name,
-            "tracking": Tracking(self.tracking).name,
-            "confidence": float(self.confidence),
-            "residual": float(self.residual),
-            "scale": float(self.scale),
-            "centre": _known(self.centre),
-            "velocity": _known(self.velocity),
-            "box": _known(self.box),
-            "joints": {
-                joint.name: {
-                    "position": joint.position.tolist(),
-                    "quat_xyzw": joint.quat_xyzw.tolist(),
-                    "confidence": joint.confidence,
-                    "state": joint.state.name,
-                    "velocity": _known(joint.velocity),
-                    "covariance": _known(joint.covariance),
-                }
-                for joint in self.joints
-            },
-        }
+        return to_dict(self)
 
     def to_record(self) -> NDArray[np.void]:
-        """Return one row of a NumPy table, of type `RECORD`; NaN where something is unknown."""
-        record = np.zeros((), RECORD)
-        for name in ("stamp_ns", "body_id", "confidence", "residual", "scale"):
-            record[name] = getattr(self, name)
-        record["source"] = Source(self.source).name
-        record["joint_states"] = JointState.LOST if self.is_lost else self.joint_states
-        for name in ("positions", "quats_xyzw", "joint_confidence", "velocities", "covariances"):
-            values = getattr(self, name)
-            record[name] = values if len(values) else np.nan
-        return record
+        """Return one row of type `depth_pose.core.tables.RECORD`; NaN where something is unknown."""
+        return to_record(self)
 
     def to_pandas(self) -> Any:
         """Return a `pandas.DataFrame` with a row for each joint.
@@ -508,23 +302,3 @@ def _is_same(a: Any, b: Any) -> bool:
     if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
         return np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
     return bool(a == b)
-
-
-def _known(values: NDArray[np.float64]) -> list[Any] | None:
-    """Return an array as lists, None where it is NaN: JSON has no NaN."""
-    return values.tolist() if np.isfinite(values).all() else None
-
-
-_ROWS, _COLUMNS = np.triu_indices(3)
-
-
-def six_numbers(covariances: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return xx, xy, xz, yy, yz, zz (..., 6) of covariances (..., 3, 3), as in the messages."""
-    return covariances[..., _ROWS, _COLUMNS]
-
-
-def symmetric(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the covariances (..., 3, 3) of which `six_numbers` gives the numbers (..., 6)."""
-    covariances = np.empty((*numbers.shape[:-1], 3, 3))
-    covariances[..., _ROWS, _COLUMNS] = covariances[..., _COLUMNS, _ROWS] = numbers
-    return covariances
