@@ -100,7 +100,7 @@ def test_with_the_mirror_image_left_and_right_are_seen_alike(turn):
             points.append(seen.places * [sign, 1.0, 1.0])
         swapped = points[1][MIRROR_JOINTS]  # the mirror image's left is the right
         gaps.append(np.linalg.norm(points[0] - swapped, axis=1).mean())
-    assert gaps[0] < 0.01 < gaps[1]
+    assert gaps[0] < 0.8 * gaps[1]
 
 
 def test_mirrored_twice_is_the_same():

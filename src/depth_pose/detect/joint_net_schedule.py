@@ -43,8 +43,9 @@ _SLOW_M2 = 0.04
 _CALM_STALE_M = 0.02
 """Standard deviation added to a calm person's measurement (m), in each frame in which it is kept."""
 
-_CALM_NS, _CALM_FRAMES = 200_000_000, 5
-"""Maximum age of a calm person's measurement (ns, frames)."""
+_CALM_NS, _CALM_FRAMES = 200_000_000, 2
+"""Maximum age of a calm person's measurement (ns, frames). With five frames the error is 2 % larger on thirty
+simulated clips and 4 % on development postures, and a frame takes no less time."""
 
 
 @dataclass(frozen=True)
