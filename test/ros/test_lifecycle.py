@@ -19,7 +19,7 @@ from depth_pose.ros.nodes import lifecycle
 from depth_pose.ros.nodes.lifecycle import set_active
 
 TRIAL = Path(__file__).with_name("trial_node.py")
-A, B, ANSWER = "/depth_pose/a", "/depth_pose/b", "/depth_pose/answer"
+A, ANSWER = "/depth_pose/a", "/depth_pose/answer"
 
 
 def state(peer):
@@ -32,17 +32,16 @@ def change(peer, step):
 
 
 class Sender:
-    """Pairs of images, one after the other, until told otherwise."""
+    """Images, one after the other, until told otherwise."""
 
     def __init__(self, peer):
         self.peer, self.stamp = peer, 0
-        self.out = [peer.publisher(Image, topic) for topic in (A, B)]
+        self.out = peer.publisher(Image, A)
 
     def send(self, count=3):
         for _ in range(count):
             self.stamp += 1
-            for publisher in self.out:
-                publisher.publish(Image(header=make_header(self.stamp, "optical"), height=1, width=2))
+            self.out.publish(Image(header=make_header(self.stamp, "optical"), height=1, width=2))
             self.peer.spin(0.05)
 
 

@@ -1,6 +1,6 @@
-"""A node on the real base whose stage is simple: for tests of queues, pairing and parameters.
+"""A node on the real base whose stage is simple: for tests of queues and parameters.
 
-Images of one stamp on ``a`` and ``b`` give a Header on ``answer``: the stamp, and the reduced
+An image on ``a`` gives a Header on ``answer``: the stamp, and the reduced
 height that `segment.working_height` asks for. A width of 13 raises, as a bug would.
 """
 
@@ -42,9 +42,9 @@ class TrialNode(StageNode):
         self.out = self.publisher(Header, "answer")
 
     def inputs(self):
-        return [Input(Image, "a", sensor=True), Input(Image, "b", sensor=True)]
+        return [Input(Image, "a", sensor=True)]
 
-    def answer(self, a, b):
+    def answer(self, a):
         if a.width == 13:
             raise RuntimeError("thirteen")
         time.sleep(float(self.value("bank") or 0))

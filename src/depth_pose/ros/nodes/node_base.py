@@ -115,11 +115,12 @@ class StageNode(TopicNode, ABC):
 
     @abstractmethod
     def inputs(self) -> Sequence[Input]:
-        """Return the topics whose messages of one stamp form a frame."""
+        """Return the topics that bring frames; several need an intake of their own (`make_intake`)."""
 
     def make_intake(self) -> FrameSource:
         """Subscribe to the inputs."""
-        return Intake(self, self.inputs())
+        (wanted,) = self.inputs()
+        return Intake(self, wanted)
 
     @abstractmethod
     def answer(self, *messages: Any) -> None:

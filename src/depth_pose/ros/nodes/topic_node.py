@@ -31,7 +31,7 @@ from depth_pose.ros.setting import Setting
 from depth_pose.ros.transport.intake import LOG_EVERY_S, NO_EVENTS, frame_qos
 from depth_pose.ros.transport.latched import LatchedTopic
 
-BUSY_REASONS = ("overtaken", "missed", "unpaired")
+BUSY_REASONS = ("overtaken", "missed")
 """Reasons of drops that come of a machine that is too slow."""
 
 BUSY_EVERY_S = 60.0

@@ -1,9 +1,8 @@
-"""Group the messages of a node's topics into complete frames: pairing, newest first, losses counted."""
+"""Receive the frames of a node from its topic: newest first, losses counted."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -16,13 +15,6 @@ from depth_pose.core.stamps import is_late
 from depth_pose.ros.messages.basics import stamp_to_ns
 from depth_pose.ros.transport.host import FrameConsumer
 from depth_pose.ros.transport.losses import count_lost, packet_loss_advice
-from depth_pose.ros.transport.pairing import Pairer
-
-PAIR_DEPTH = 64
-"""Number of stamps held by a node that pairs topics, until the later part of a frame arrives.
-They span two seconds at 30 frames a second, more than the stages in between take. With fewer, a node
-behind a slow stage would drop a frame's points before its match arrives.
-"""
 
 RELIABLE_DEPTH = 4
 """Queue length for a reliable sensor: resent frames arrive with the next. The newest is answered."""
@@ -133,145 +125,131 @@ def waiting(subscription: Subscription) -> Iterator[tuple[Any, dict[str, Any]]]:
 
 
 class Intake:
-    """The subscriptions of a node whose messages of one stamp form a frame.
+    """The subscription of a node of which each message is a frame.
 
-    Up to `PAIR_DEPTH` incomplete frames are held, because the parts of one frame arrive at different
-    times, and all waiting messages are received before the newest complete frame is begun. A lossless node
-    begins every frame in turn. While the node is not active, messages are ignored.
+    All waiting messages are received before the newest is begun. A lossless node begins every frame in turn.
+    While the node is not active, messages are ignored.
 
     Attributes
     ----------
     inputs : tuple of Input
-        With the topics' full names.
+        The one topic, with its full name.
     arrivals : int
         Number of messages received.
     """
 
-    def __init__(self, node: FrameConsumer, inputs: Sequence[Input]) -> None:
+    def __init__(self, node: FrameConsumer, wanted: Input) -> None:
         self._node = node
         self._lossless = node.lossless
-        paired = len(inputs) > 1
-        depth = max(node.queue, PAIR_DEPTH) if paired else node.queue
-        self.inputs = tuple(replace(i, topic=node.resolve_topic_name(i.topic)) for i in inputs)
+        self._input = replace(wanted, topic=node.resolve_topic_name(wanted.topic))
+        self.inputs: tuple[Input, ...] = (self._input,)
         self.arrivals = 0
-        self._pairer = (
-            Pairer(len(inputs), depth, self._unpaired, ordered=not self._lossless) if paired else None
-        )
         self.forget()
-        self._depth = depth
-        self._is_reliable = [self._lossless] * len(self.inputs)
-        self._subscriptions = [self._subscribe(index) for index in range(len(self.inputs))]
-
-    def _subscribe(self, index: int) -> Subscription:
-        reliable = self._is_reliable[index]
-        depth = max(self._depth, RELIABLE_DEPTH) if reliable and not self._lossless else self._depth
-        i, qos = self.inputs[index], frame_qos(depth, reliable)
-        kind = sent_kind(self._node, i) or i.kind
-        return self._node.create_subscription(
-            kind, i.topic, self._callback(index), qos, event_callbacks=NO_EVENTS
-        )
-
-    def check(self) -> None:
-        """Subscribe to every sensor with its publishers' type and reliability.
-
-        A reliable publisher resends messages that a best-effort subscriber would lose.
-        """
-        for index, i in enumerate(self.inputs):
-            before, is_reliable = self._subscriptions[index], self._is_reliable[index]
-            reliable = is_sent_reliable(self._node, i.topic) if i.sensor and not self._lossless else None
-            wanted = is_reliable if reliable is None else reliable
-            kind = sent_kind(self._node, i) if i.others else None
-            if wanted != is_reliable or kind not in (None, before.msg_type):
-                self._is_reliable[index] = wanted
-                self._node.destroy_subscription(self._subscriptions[index])
-                self._last_taken.pop(index, None)
-                self._subscriptions[index] = self._subscribe(index)
+        self._is_reliable = self._lossless
+        self._subscription: Subscription | None = self._subscribe()
 
     def forget(self) -> None:
         """Drop what waits and what is known of earlier messages."""
-        self._pending: tuple[Any, ...] | None = None
+        self._pending: Any = None
         self._last_stamp_ns: int | None = None
-        self._last_taken: dict[int, dict[str, Any]] = {}
-        self._grown: Counter[int] = Counter()
-        if self._pairer is not None:
-            self._pairer.clear()
+        self._last_taken: dict[str, Any] | None = None
+        self._grown = 0
+
+    def _subscribe(self) -> Subscription:
+        resends = self._is_reliable and not self._lossless
+        depth = max(self._node.queue, RELIABLE_DEPTH) if resends else self._node.queue
+        kind = sent_kind(self._node, self._input) or self._input.kind
+        return self._node.create_subscription(
+            kind,
+            self._input.topic,
+            self._receive,
+            frame_qos(depth, self._is_reliable),
+            event_callbacks=NO_EVENTS,
+        )
+
+    def check(self) -> None:
+        """Subscribe to a sensor with its publishers' type and reliability.
+
+        A reliable publisher resends messages that a best-effort subscriber would lose.
+        """
+        wanted, before = self._input, self._subscription
+        assert before is not None
+        reliable = (
+            is_sent_reliable(self._node, wanted.topic) if wanted.sensor and not self._lossless else None
+        )
+        kind = sent_kind(self._node, wanted) if wanted.others else None
+        if reliable in (None, self._is_reliable) and kind in (None, before.msg_type):
+            return
+        self._is_reliable = self._is_reliable if reliable is None else reliable
+        self._node.destroy_subscription(before)
+        self._last_taken = None
+        self._subscription = self._subscribe()
 
     def close(self) -> None:
         """Unsubscribe."""
-        for subscription in self._subscriptions:
-            self._node.destroy_subscription(subscription)
-        self._subscriptions = []
+        if self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
+            self._subscription = None
 
     @property
     def joined(self) -> bool:
-        """Whether every topic of the suite's own has a publisher, as this side sees it."""
-        pairs = zip(self.inputs, self._subscriptions, strict=True)
-        return all(s.get_publisher_count() > 0 for i, s in pairs if not i.sensor)
+        """Whether a topic of the suite's own has a publisher, as this side sees it."""
+        subscription = self._subscription
+        return self._input.sensor or (subscription is not None and subscription.get_publisher_count() > 0)
 
     @property
     def has_pending(self) -> bool:
-        """Whether a complete frame waits."""
+        """Whether a frame waits."""
         return self._pending is not None
 
     def take_waiting(self) -> bool:
         """Receive messages that arrived meanwhile, without waiting; return whether there were any."""
         before = self.arrivals
-        for index, subscription in enumerate(self._subscriptions):
-            for message, info in waiting(subscription):
-                self.take(index, message, info)
+        if self._subscription is not None:
+            for message, info in waiting(self._subscription):
+                self._receive(message, info)
         return self.arrivals > before
 
     def take_pending(self) -> tuple[Any, ...] | None:
-        """Return the newest complete frame, once."""
-        whole, self._pending = self._pending, None
-        return whole
+        """Return the newest frame, once."""
+        message, self._pending = self._pending, None
+        return None if message is None else (message,)
 
-    def _callback(self, index: int) -> Callable[..., None]:
-        def take(message: Any, info: Any) -> None:  # rclpy counts the arguments
-            self.take(index, message, info)
+    def _receive(self, message: Any, info: Any) -> None:
+        """Receive a message with rclpy's message info; log exceptions."""
+        self._node.guard(self._input.topic, self._add, message, info)
 
-        return take
-
-    def take(self, index: int, message: Any, info: dict[str, Any]) -> None:
-        """Receive a message of one input with rclpy's message info; log exceptions."""
-        self._node.guard(self.inputs[index].topic, self._add, index, message, info)
-
-    def _add(self, index: int, message: Any, info: dict[str, Any]) -> None:
+    def _add(self, message: Any, info: dict[str, Any]) -> None:
         self.arrivals += 1
-        self._node.on_message(self.inputs[index].topic)
+        self._node.on_message(self._input.topic)
         if not self._node.is_active:
             self._node.count("ignored while paused")
             return
-        self._count_missed(index, info)
-        stamp_ns = stamp_to_ns(message.header.stamp)
-        if index == 0 and not self._is_new(stamp_ns):
+        self._count_missed(info)
+        if not self._is_new(stamp_to_ns(message.header.stamp)):
             return
-        whole = (message,) if self._pairer is None else self._pairer.add(index, stamp_ns, message)
-        if whole is None:
-            return
-        if self._lossless or (self._pairer is None and not self._is_reliable[index]):
-            self._node.process(whole)
+        if self._lossless or not self._is_reliable:
+            self._node.process((message,))
             return
         if self._pending is not None:
             self._node.drop("overtaken", "a newer frame came before this one was begun")
-        self._pending = whole
+        self._pending = message
 
-    def _count_missed(self, index: int, info: dict[str, Any]) -> None:
+    def _count_missed(self, info: dict[str, Any]) -> None:
         """Count messages that were sent and never received, by the publisher's sequence numbers."""
         sequence = info.get("publication_sequence_number")
         if not sequence:
             return
-        last = self._last_taken.get(index)
-        self._last_taken[index] = info
-        topic = self.inputs[index].topic
+        last, self._last_taken = self._last_taken, info
+        topic = self._input.topic
         if last is None or sequence <= last["publication_sequence_number"]:
-            self._grown[index] = 0
+            self._grown = 0
             return
-        self._grown[index] += 1
+        self._grown += 1
         if sequence == last["publication_sequence_number"] + 1:
             return
         # each publisher has its own numbers: those of several cannot be compared
-        if self._grown[index] < _SAME_PUBLISHER and self._node.count_publishers(topic) != 1:
+        if self._grown < _SAME_PUBLISHER and self._node.count_publishers(topic) != 1:
             return
         busy, lost = count_lost(last, info, self._node.busy)
         if busy:
@@ -284,7 +262,7 @@ class Intake:
         last, self._last_stamp_ns = self._last_stamp_ns, stamp_ns
         if last is None or stamp_ns > last:
             return True
-        topic = self.inputs[0].topic
+        topic = self._input.topic
         if stamp_ns == last:
             what = f"{topic} repeats stamp {stamp_ns} ns; does the driver set header.stamp?"
             self._node.drop("same stamp", what)
@@ -296,7 +274,3 @@ class Intake:
             throttle_duration_sec=LOG_EVERY_S,
         )
         return True
-
-    def _unpaired(self, count: int) -> None:
-        topics = " and ".join(i.topic for i in self.inputs)
-        self._node.drop("unpaired", f"{topics} did not both bring this stamp", count)
