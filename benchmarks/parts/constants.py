@@ -1,13 +1,14 @@
-"""Constants: each one of the stages after detection halved and doubled, and what that changes.
+"""Constants: each one of the method halved and doubled, and what that changes.
 
     python benchmarks/accuracy.py constants DATA --frames 20
-    python benchmarks/accuracy.py constants DATA --only refine.solver recover
+    python benchmarks/accuracy.py constants DATA --only track detect.background
 
-DATA is a folder of recordings with truth files. Every number of `depth_pose.tuning.Tuning`, and every number
-in a module of match, refine and recover that is no kernel, is a row: the change of the mean joint error
-(mm), of the share of joints within 10 cm (a frame without an answer is a miss) and of the processor time of
-a frame (ms), for half and for double. Detection runs once. Constants that kernels have compiled in do not
-change here.
+DATA is a folder of recordings with truth files, of one person or of several. Every number of
+`depth_pose.tuning.Tuning`, and every number in a module of detect, track, denoise, match, refine and recover
+that is no kernel, is a row: the change of the mean joint error (mm), of the share of joints within 10 cm
+(whoever is not found misses all), of the number of false people and of the processor time of a frame (ms),
+for half and for double. For the stages after detection, detection runs once. Constants that kernels have
+compiled in do not change here.
 """
 
 from __future__ import annotations
@@ -26,28 +27,50 @@ from command_line import make_parser
 
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.core.config import PipelineConfig
-from depth_pose.evaluate.truth import load_truth
+from depth_pose.core.frame import DepthFrame
+from depth_pose.evaluate.score_people import match_people, score_matches
+from depth_pose.evaluate.truth import KnownPeople, load_known_people
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.pipeline import PosePipeline
 from depth_pose.track.person_view import FramePeople
 from depth_pose.tuning import Tuning
 
-FOLDERS = ("match", "refine", "recover")
-Clip = list[tuple[FramePeople, np.ndarray]]
-"""The people of each frame, and their true joints."""
+FIRST, LATER = ("detect", "track", "denoise"), ("match", "refine", "recover")
+"""Folders of the stage that finds people, and of those after it."""
+
+FACTORS = (0.5, 2.0)
+
+
+class Clip:
+    """The first frames of a recording with their truth, and the people found in them."""
+
+    def __init__(self, path: Path, most: int) -> None:
+        self.frames: list[DepthFrame] = [f for _, f in zip(range(most), DepthReader(path), strict=False)]
+        truth = load_known_people(path.with_suffix(".npz"))
+        stamps_ns = [f.stamp_ns for f in self.frames]
+        rows = [int(np.argmin(np.abs(truth.stamps_ns - stamp_ns))) for stamp_ns in stamps_ns]
+        self.truth = KnownPeople(
+            truth.joints[rows], truth.names, np.array(stamps_ns), truth.visible[rows], truth.is_room
+        )
+        self.people: list[FramePeople] = []
+
+    def perceive(self, pipeline: PosePipeline) -> None:
+        """Find the people once, for all runs that change only later stages."""
+        pipeline.restart()
+        self.people = [pipeline.perception.perceive(frame) for frame in self.frames]
 
 
 def tuned() -> Iterator[tuple[str, str, str, float]]:
     """Give the numbers of the tuning: name, stage, field and value."""
     for stage, values in Tuning()._asdict().items():
         for field, value in values._asdict().items():
-            if stage not in ("detect", "denoise") and type(value) in (int, float) and value:
+            if type(value) in (int, float) and value:
                 yield f"{stage}.{field}", stage, field, value
 
 
 def constants() -> Iterator[tuple[str, ModuleType, str, float]]:
     """Give the numbers in modules: name, module, variable and value."""
-    for folder in FOLDERS:
+    for folder in FIRST + LATER:
         package = import_module(f"depth_pose.{folder}")
         for found in pkgutil.iter_modules(package.__path__):
             if not found.name.endswith("kernels"):
@@ -68,30 +91,24 @@ def changed(module: ModuleType, name: str, value: float) -> Iterator[None]:
         setattr(module, name, before)
 
 
-def perceive(pipeline: PosePipeline, path: Path, most: int) -> Clip:
-    """Find the people in the first frames of a recording."""
-    truth, clip = load_truth(path.with_suffix(".npz")), []
-    pipeline.restart()
-    for _, frame in zip(range(most), DepthReader(path), strict=False):
-        known = truth.joints[int(np.argmin(np.abs(truth.stamps_ns - frame.stamp_ns)))]
-        clip.append((pipeline.perception.perceive(frame), known))
-    return clip
-
-
-def run(pipeline: PosePipeline, clips: list[Clip]) -> np.ndarray:
-    """Return the mean error (mm), the share within 10 cm, and the processor time of a frame (ms)."""
-    errors, seconds = [], 0.0
+def run(pipeline: PosePipeline, clips: list[Clip], *, whole: bool) -> np.ndarray:
+    """Return the mean error (mm), the share within 10 cm, false people and the time of a frame (ms)."""
+    matches, seconds, count = [], 0.0, 0
     for clip in clips:
-        pipeline.reset()
-        for people, known in clip:
-            fresh = replace(people, persons=tuple(replace(p) for p in people.persons))
+        pipeline.restart()
+        answers = {}
+        for frame, people in zip(clip.frames, clip.people, strict=True):
             start = time.process_time()
-            skeleton = pipeline.answer(fresh).skeleton
+            if whole:
+                result = pipeline.process_frame(frame)
+            else:
+                result = pipeline.answer(replace(people, persons=tuple(replace(p) for p in people.persons)))
             seconds += time.process_time() - start
-            off = np.full(len(known), np.nan)
-            errors.append(off if skeleton.is_lost else np.linalg.norm(skeleton.positions - known, axis=1))
-    found = np.array(errors)
-    return np.array([1e3 * np.nanmean(found), (found < 0.1).mean(), 1e3 * seconds / len(found)])
+            answers[frame.stamp_ns] = result.skeletons
+        matches.append(match_people(clip.truth, answers))
+        count += len(clip.frames)
+    score = score_matches(matches)
+    return np.array([score.mean_error_mm, score.pck10, score.false, 1e3 * seconds / count])
 
 
 def main() -> None:
@@ -102,16 +119,22 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", default=[""], help="beginnings of names")
     arguments = parser.parse_args()
     bank = Bank.load(default_bank_path())
-    whole = PosePipeline(bank)
-    whole.warm_up()
+    pipeline = PosePipeline(bank)
+    pipeline.warm_up()
     paths = [p for p in sorted(arguments.data.glob("*.mcap")) if p.with_suffix(".npz").exists()]
-    clips = [perceive(whole, path, arguments.frames) for path in paths]
-    base = run(whole, clips)
-    print(f"{base[0]:.1f} mm, {base[1]:.3f} within 10 cm, {base[2]:.1f} ms a frame; with half, with double:")
-    print("| | value | mm | within 10 cm | ms | mm | within 10 cm | ms |\n|---|---|---|---|---|---|---|---|")
+    clips = [Clip(path, arguments.frames) for path in paths]
+    for clip in clips:
+        clip.perceive(pipeline)
+    base = {whole: run(pipeline, clips, whole=whole) for whole in (True, False)}
+    mm, share, false, ms = base[True]
+    print(f"{mm:.1f} mm, {share:.3f} within 10 cm, {false:.0f} false, {ms:.1f} ms a frame; half, double:")
+    columns = "mm | within 10 cm | false | ms |"
+    print(f"| | value | {columns} {columns}\n|{'---|' * 10}")
 
-    def report(name: str, value: float, rows: list[np.ndarray]) -> None:
-        told = [f"{mm:+.1f} | {share:+.3f} | {ms:+.1f}" for mm, share, ms in np.array(rows) - base]
+    def report(name: str, value: float, changing: Iterator[PosePipeline]) -> None:
+        whole = name.startswith(FIRST)
+        rows = np.array([run(pipeline, clips, whole=whole) for pipeline in changing]) - base[whole]
+        told = [f"{mm:+.1f} | {share:+.3f} | {false:+.0f} | {ms:+.1f}" for mm, share, false, ms in rows]
         print(f"| {name} | {value:g} | {' | '.join(told)} |", flush=True)
 
     def is_asked(name: str) -> bool:
@@ -119,19 +142,24 @@ def main() -> None:
 
     for name, stage, field, value in tuned():
         if is_asked(name):
-            rows = []
-            for factor in (0.5, 2.0):
-                values = getattr(Tuning(), stage)._replace(**{field: _times(value, factor)})
-                pipeline = PosePipeline(bank, PipelineConfig(), Tuning()._replace(**{stage: values}))
-                rows.append(run(pipeline, clips))
-            report(name, value, rows)
+            report(name, value, retuned(bank, stage, field, value))
     for name, module, variable, value in constants():
         if is_asked(name):
-            rows = []
-            for factor in (0.5, 2.0):
-                with changed(module, variable, _times(value, factor)):
-                    rows.append(run(PosePipeline(bank), clips))
-            report(name, value, rows)
+            report(name, value, rebuilt(bank, module, variable, value))
+
+
+def retuned(bank: Bank, stage: str, field: str, value: float) -> Iterator[PosePipeline]:
+    """Give a pipeline with half of a number of the tuning, and one with twice the number."""
+    for factor in FACTORS:
+        values = getattr(Tuning(), stage)._replace(**{field: _times(value, factor)})
+        yield PosePipeline(bank, PipelineConfig(), Tuning()._replace(**{stage: values}))
+
+
+def rebuilt(bank: Bank, module: ModuleType, variable: str, value: float) -> Iterator[PosePipeline]:
+    """Give a pipeline while a module's number is half, and one while it is double."""
+    for factor in FACTORS:
+        with changed(module, variable, _times(value, factor)):
+            yield PosePipeline(bank)
 
 
 def _times(value: float, factor: float) -> float:
