@@ -21,7 +21,8 @@ from command_line import make_parser
 
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.bank.build import BuildConfig, build_bank
-from depth_pose.core.config import MatchConfig, PersonalConfig, PipelineConfig
+from depth_pose.core.config import DenoiseConfig, MatchConfig, PersonalConfig, PipelineConfig, SmoothConfig
+from depth_pose.denoise.tuning import DenoiseTuning
 from depth_pose.detect.tuning import DetectTuning
 from depth_pose.evaluate.truth import load_truth
 from depth_pose.io.mcap_read import DepthReader
@@ -37,12 +38,17 @@ from parts.known_people import recordings
 VARIANTS: dict[str, tuple[PipelineConfig, Tuning]] = {
     "all": (PipelineConfig(), Tuning()),
     "no personal build": (PipelineConfig(build=PersonalConfig(personal=False)), Tuning()),
+    "no denoising": (PipelineConfig(denoise=DenoiseConfig(iterations=0)), Tuning()),
+    "no filter": (PipelineConfig(smooth=SmoothConfig(enabled=False)), Tuning()),
     "no learned joints: the paper's way": (PipelineConfig(match=MatchConfig(method="exemplars")), Tuning()),
 } | {
     name: (PipelineConfig(), tuning)
     for name, tuning in {
         "no pull to the joint net's joints": Tuning(fit=FitTuning(proposal_weight=0.0)),
         "no pose of the frame before": Tuning(refine=RefineTuning(track=False)),
+        "no points removed as outliers": Tuning(denoise=DenoiseTuning(outlier_distance=10.0)),
+        "no free space in the fit": Tuning(fit=FitTuning(free_space_weight=0.0)),
+        "no pose prior": Tuning(fit=FitTuning(prior=0.0)),
         "no recovery": Tuning(recover=RecoverTuning(enabled=False)),
         "a search for exemplars in every frame": Tuning(match=MatchTuning(search_every=1)),
         "a search for people in every frame": Tuning(detect=DetectTuning(find_every=1)),
