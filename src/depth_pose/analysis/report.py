@@ -146,7 +146,7 @@ def _floor(
     if has_moved(read_metadata(skeletons, FLOOR)):
         return None, "not known: the sensor moved", "the sensor moved while it recorded"
     try:
-        floor = find_floor(tracks, skeletons, recording, depth_topic)
+        floor = find_floor(tracks.people, skeletons, recording, depth_topic)
     except InputError as error:
         return None, f"not known: {error}", f"no floor: {error}"
     said = (

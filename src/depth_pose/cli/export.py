@@ -15,7 +15,7 @@ from depth_pose.io.schemas import PEOPLE_TOPIC
 
 if TYPE_CHECKING:
     from depth_pose.export import Exported
-    from depth_pose.export.tracks import Track
+    from depth_pose.export.tracks import Presence
 
 
 def add_to(app: typer.Typer) -> None:
@@ -126,7 +126,7 @@ def export(
                 _say(f"  [yellow]{escape(_treated(file.path.suffix.lower(), fill))}[/yellow] {gaps}")
 
 
-def _describe(track: Track, file: Exported) -> str:
+def _describe(track: Presence, file: Exported) -> str:
     since = (int(track.stamps_ns[0]) - file.start_ns) * 1e-9
     return (
         f"{track.body_id}: {int(track.present.sum())} frames, {track.seconds:.2f} s"

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +16,15 @@ from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.extras import require
 from depth_pose.core.outputs import check_targets, new_file, new_text_file
 from depth_pose.detect.floor import Floor
+from depth_pose.export.as_read import FramesOutOfOrder, PartsReader
 from depth_pose.export.bvh import bvh_text
 from depth_pose.export.c3d_file import write_c3d
-from depth_pose.export.floor import FLOOR_FRAME, find_floor, on_floor
+from depth_pose.export.floor import FLOOR_FRAME, find_floor, on_floor, recorded_floor
 from depth_pose.export.opensim import mot_lines, sto_lines
 from depth_pose.export.tables import npz_arrays, write_angles, write_csv, write_json
 from depth_pose.export.tracks import (
     MOST_FRAMES,
+    Presence,
     Track,
     Tracks,
     chosen,
@@ -54,6 +57,9 @@ UNITS = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
 
 _USUAL_UNIT = {".bvh": "m", ".trc": "mm", ".c3d": "mm"}
 _A_FILE_A_PERSON = (".bvh", ".trc", ".c3d", ".mot", ".sto")
+_ROWS = (".csv", ".json")
+_LEVEL = (FLOOR_FRAME, ROOM_FRAME)
+"""Frames with z up."""
 
 _T_UP_OPTICAL = np.diag([1.0, -1.0, -1.0, 1.0])
 """The optical frame turned to y up, z towards the viewer: people who face the sensor face the viewer."""
@@ -70,8 +76,8 @@ class Exported:
     Attributes
     ----------
     path : Path
-    tracks : tuple of Track
-        People in the file, as found, before gaps were filled.
+    tracks : tuple of Presence
+        People in the file, as found, before gaps were filled: when each is there.
     frames : int
         Frames in the file.
     rate_hz : float
@@ -81,7 +87,7 @@ class Exported:
     """
 
     path: Path
-    tracks: tuple[Track, ...]
+    tracks: tuple[Presence, ...]
     frames: int
     rate_hz: float
     start_ns: int
@@ -148,41 +154,114 @@ def export_skeletons(
     if angles and kind != ".csv":
         raise ConfigError(f"--angles is for .csv; {kind} files have either joints or angles, or both")
     check_targets([output], [skeletons, recording])
+    of_floor = _FloorChoice(world == "floor", skeletons, recording, depth_topic)
+    if kind in _ROWS and not fill:
+        with suppress(FramesOutOfOrder):
+            reader = PartsReader(skeletons, topic, people)
+            as_read = _write_as_read(output, kind, reader, of_floor, angles)
+            if as_read is not None:
+                return as_read
     found = chosen(read_tracks(skeletons, topic), people, skeletons)
-    if found.frame_id == ROOM_FRAME and recording is not None:
-        raise ConfigError(f"{skeletons} is in the room's frame, whose floor is known; leave out --recording")
-    seeks_floor = world == "floor" and found.frame_id != ROOM_FRAME
-    floor = find_floor(found, skeletons, recording, depth_topic) if seeks_floor else None
+    floor = of_floor.find(found.people) if of_floor.is_sought(found.frame_id) else None
     tracks = found if floor is None else on_floor(found, floor)
-    if kind == ".mot" and tracks.frame_id not in (FLOOR_FRAME, ROOM_FRAME):
+    if kind == ".mot" and tracks.frame_id not in _LEVEL:
         raise ConfigError(f"{output} holds angles against the vertical: add --world floor")
     if kind in _A_FILE_A_PERSON:
         unit = unit or _USUAL_UNIT.get(kind, "m")
         check_targets(_paths_of(output, tracks), [skeletons, recording])
         return ExportResult(_write_each(output, kind, tracks, fill, unit), tracks.frame_id, floor)
     shown = replace(tracks, people=tuple(map(fill_gaps, tracks.people))) if fill else tracks
-    if kind == ".npz" and len(shown.stamps_ns) * len(shown.people) > MOST_FRAMES:
-        raise InputError(
-            f"{output} would hold {len(shown.stamps_ns)} frames of {len(shown.people)} people each; at most "
-            f"{MOST_FRAMES} are written: choose people with --person, or write .csv"
-        )
-    up = _UP if tracks.frame_id in (FLOOR_FRAME, ROOM_FRAME) else None
-    if kind != ".npz":
-        with new_text_file(output, newline="") as stream:
-            if kind == ".json":
-                write_json(stream, shown, up)
-            elif angles:
-                write_angles(stream, shown, up)
-            else:
-                write_csv(stream, shown)
+    if kind == ".npz":
+        _write_npz(output, shown, floor)
     else:
-        arrays = npz_arrays(shown, up, floor.T_floor_camera if floor else None)
-        with new_file(output) as stream:
-            np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
-    span = max(float(tracks.stamps_ns[-1] - tracks.stamps_ns[0]) * 1e-9, 1e-9)
-    rate, start_ns = (len(tracks.stamps_ns) - 1) / span, int(tracks.stamps_ns[0])
-    file = Exported(output, tracks.people, len(tracks.stamps_ns), rate, start_ns)
-    return ExportResult((file,), tracks.frame_id, floor)
+        _write_rows(output, kind, [shown], shown.frame_id, angles)
+    return ExportResult((_exported(output, tracks.people, tracks.stamps_ns),), tracks.frame_id, floor)
+
+
+@dataclass(frozen=True)
+class _FloorChoice:
+    """Whether and where to find the floor, for skeletons in the sensor's frame."""
+
+    is_wanted: bool
+    skeletons: Path | str
+    recording: Path | str | None
+    depth_topic: str | None
+
+    def is_sought(self, frame_id: str) -> bool:
+        """Check that the depth recording is of use; return whether the floor must be found."""
+        if frame_id == ROOM_FRAME and self.recording is not None:
+            raise ConfigError(
+                f"{self.skeletons} is in the room's frame, whose floor is known; leave out --recording"
+            )
+        return self.is_wanted and frame_id != ROOM_FRAME
+
+    @property
+    def needs_feet(self) -> bool:
+        return recorded_floor(self.skeletons) is None
+
+    def find(self, people: Sequence[Track]) -> Floor:
+        return find_floor(people, self.skeletons, self.recording, self.depth_topic)
+
+
+def _write_as_read(
+    output: Path, kind: str, reader: PartsReader, of_floor: _FloorChoice, angles: bool
+) -> ExportResult | None:
+    """Write rows while reading; None where all people's feet are needed first."""
+    parts = reader.parts()
+    first = next(parts)
+    floor = None
+    if of_floor.is_sought(reader.frame_id):
+        if of_floor.needs_feet:
+            return None
+        floor = of_floor.find(())
+    frame_id = reader.frame_id if floor is None else FLOOR_FRAME
+    found = chain([first], parts)
+    _write_rows(
+        output,
+        kind,
+        found if floor is None else (on_floor(part, floor) for part in found),
+        frame_id,
+        angles,
+        lambda: reader.check(of_floor.skeletons),
+    )
+    return ExportResult((_exported(output, reader.presences(frame_id), reader.stamps_ns),), frame_id, floor)
+
+
+def _write_rows(
+    output: Path,
+    kind: str,
+    parts: Iterable[Tracks],
+    frame_id: str,
+    angles: bool,
+    check: Callable[[], None] = lambda: None,
+) -> None:
+    """Write CSV or JSON; ``check`` may raise once all is read, and then there is no file."""
+    up = _UP if frame_id in _LEVEL else None
+    with new_text_file(output, newline="") as stream:
+        if kind == ".json":
+            write_json(stream, parts, frame_id, up)
+        elif angles:
+            write_angles(stream, parts, up)
+        else:
+            write_csv(stream, parts)
+        check()
+
+
+def _write_npz(output: Path, tracks: Tracks, floor: Floor | None) -> None:
+    if len(tracks.stamps_ns) * len(tracks.people) > MOST_FRAMES:
+        raise InputError(
+            f"{output} would hold {len(tracks.stamps_ns)} frames of {len(tracks.people)} people each; "
+            f"at most {MOST_FRAMES} are written: choose people with --person, or write .csv"
+        )
+    up = _UP if tracks.frame_id in _LEVEL else None
+    arrays = npz_arrays(tracks, up, floor.T_floor_camera if floor else None)
+    with new_file(output) as stream:
+        np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
+
+
+def _exported(output: Path, people: tuple[Presence, ...], stamps_ns: NDArray[np.int64]) -> Exported:
+    span = max(float(stamps_ns[-1] - stamps_ns[0]) * 1e-9, 1e-9)
+    return Exported(output, people, len(stamps_ns), (len(stamps_ns) - 1) / span, int(stamps_ns[0]))
 
 
 def _check(output: Path, kind: str, world: str, unit: str | None, recording: Path | str | None) -> None:
@@ -204,7 +283,7 @@ def _check(output: Path, kind: str, world: str, unit: str | None, recording: Pat
 
 def _write_each(output: Path, kind: str, tracks: Tracks, fill: bool, unit: str) -> tuple[Exported, ...]:
     """Write one file per person, y up."""
-    has_z_up = tracks.frame_id in (FLOOR_FRAME, ROOM_FRAME)
+    has_z_up = tracks.frame_id in _LEVEL
     T_up: NDArray[np.float64] = _T_UP_WORLD if has_z_up else _T_UP_OPTICAL
     step_s = even_step_s(tracks.stamps_ns)
     written = []

@@ -10,7 +10,7 @@ below the sensor.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -64,15 +64,20 @@ _SAME_COS, _SAME_M = np.cos(np.radians(20.0)), 0.4
 table is higher. Set by hand."""
 
 
+def recorded_floor(skeletons: Path | str) -> Floor | None:
+    """Return the floor that `run` recorded with the skeletons, if it did."""
+    return Floor.from_metadata(read_metadata(skeletons, FLOOR) or {})
+
+
 def find_floor(
-    tracks: Tracks, skeletons: Path | str, recording: Path | str | None, depth_topic: str | None
+    people: Sequence[Track], skeletons: Path | str, recording: Path | str | None, depth_topic: str | None
 ) -> Floor:
     """Find the floor: in the depth recording if there is one, else as recorded by `run`, else from feet.
 
     Parameters
     ----------
-    tracks : Tracks
-        People in the sensor's frame.
+    people : sequence of Track
+        In the sensor's frame; needed only without a `recorded_floor`.
     skeletons : Path or str
         Their recording.
     recording : Path or str, optional
@@ -85,10 +90,9 @@ def find_floor(
     InputError
         Where no feet and trunk are known well enough, and there is no other floor.
     """
-    recorded = Floor.from_metadata(read_metadata(skeletons, FLOOR) or {})
+    guess = recorded_floor(skeletons) or floor_of_feet(people)
     if recording is None:
-        return recorded or floor_of_feet(tracks.people)
-    guess = recorded or floor_of_feet(tracks.people)
+        return guess
     reader = DepthReader(recording, depth_topic)
     return floor_of_depth(some_frames(reader, len(reader)), guess) or guess
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterator
-from typing import Any, TextIO
+from collections.abc import Callable, Iterable, Iterator
+from itertools import count
+from typing import Any, TextIO, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,25 +16,31 @@ from depth_pose.core.skeleton import BONES, JOINTS, JointState, Source
 from depth_pose.core.tables import COLUMNS
 from depth_pose.export.tracks import ARRAYS, Track, Tracks
 
+_Measured = TypeVar("_Measured")
+
 ANGLE_KEYS = ("frame", "stamp_ns", "time_s", "body_id")
 """First columns of a CSV file of joint angles; then come, for each, its degrees and its deviation."""
 
 
-def write_csv(stream: TextIO, tracks: Tracks) -> None:
+def write_csv(stream: TextIO, parts: Iterable[Tracks]) -> None:
     """Write a CSV file: a row for every joint of every person in every frame with that person.
 
-    Numbers are written with all digits, so that reading gives the same values. Rows are made while they are
-    written: a text of all would take 20 times the memory of the tracks.
+    Numbers are written with all digits, so that reading gives the same values.
+
+    Parameters
+    ----------
+    stream : text file
+    parts : iterable of Tracks
+        The recording, whole or in successive parts, which are written as they come.
     """
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(COLUMNS)
-    for frame, stamp, passed_s, people in _frames(tracks):
-        for person, i in people:
-            track = tracks.people[person]
+    for frame, stamp, passed_s, people in _frames(parts, lambda track: None):
+        for track, i, _ in people:
             writer.writerows(_rows(track, i, [frame, stamp, f"{passed_s:.9f}", track.body_id]))
 
 
-def write_angles(stream: TextIO, tracks: Tracks, up: NDArray[np.float64] | None) -> None:
+def write_angles(stream: TextIO, parts: Iterable[Tracks], up: NDArray[np.float64] | None) -> None:
     """Write a CSV file of joint angles: a row for every person in every frame with that person.
 
     An angle and its deviation (``..._sd``) are empty where it is not measured.
@@ -41,36 +48,39 @@ def write_angles(stream: TextIO, tracks: Tracks, up: NDArray[np.float64] | None)
     Parameters
     ----------
     stream : text file
-    tracks : Tracks
+    parts : iterable of Tracks
+        As of `write_csv`.
     up : (3,), optional
         As for `depth_pose.body.joint_angles.joint_angles`.
     """
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow([*ANGLE_KEYS, *(name + part for name in JOINT_ANGLES for part in ("", "_sd"))])
-    angles = [_angles(track, up) for track in tracks.people]
-    for frame, stamp, passed_s, people in _frames(tracks):
-        for person, i in people:
-            degrees, deviations = (values[i] for values in angles[person])
-            pairs = np.stack([degrees, deviations], axis=1).ravel()
+    for frame, stamp, passed_s, people in _frames(parts, lambda track: _angles(track, up)):
+        for track, i, (degrees, deviations) in people:
+            pairs = np.stack([degrees[i], deviations[i]], axis=1).ravel()
             row = ["" if not np.isfinite(value) else f"{value:.3f}" for value in pairs]
-            writer.writerow([frame, stamp, f"{passed_s:.9f}", tracks.people[person].body_id, *row])
+            writer.writerow([frame, stamp, f"{passed_s:.9f}", track.body_id, *row])
 
 
-def write_json(stream: TextIO, tracks: Tracks, up: NDArray[np.float64] | None) -> None:
+def write_json(
+    stream: TextIO, parts: Iterable[Tracks], frame_id: str, up: NDArray[np.float64] | None
+) -> None:
     """Write a JSON file: names, then a list of frames, each with its people; null where a value is not known.
 
     Parameters
     ----------
     stream : text file
-    tracks : Tracks
+    parts : iterable of Tracks
+        As of `write_csv`.
+    frame_id : str
+        Name of the frame that positions are in.
     up : (3,), optional
         As for `depth_pose.body.joint_angles.joint_angles`.
     """
-    head = {"frame_id": tracks.frame_id, "joints": JOINTS, "bones": BONES, "angles": JOINT_ANGLES}
+    head = {"frame_id": frame_id, "joints": JOINTS, "bones": BONES, "angles": JOINT_ANGLES}
     stream.write(json.dumps(head)[:-1] + ', "frames": [')
-    angles = [_angles(track, up) for track in tracks.people]
-    for frame, stamp, passed_s, people in _frames(tracks):
-        shown = [_plain_person(tracks.people[person], i, angles[person]) for person, i in people]
+    for frame, stamp, passed_s, people in _frames(parts, lambda track: _angles(track, up)):
+        shown = [_plain_person(track, i, angles) for track, i, angles in people]
         line = {"stamp_ns": stamp, "time_s": round(passed_s, 9), "people": shown}
         stream.write(("," if frame else "") + "\n" + json.dumps(line, allow_nan=False))
     stream.write("\n]}\n")
@@ -102,17 +112,24 @@ def _angles(track: Track, up: NDArray[np.float64] | None) -> tuple[NDArray[np.fl
     return measure_angles(track.positions, track.quats_xyzw, track.joint_confidence, track.covariances, up)
 
 
-def _frames(tracks: Tracks) -> Iterator[tuple[int, int, float, list[tuple[int, int]]]]:
-    """Yield number, stamp and seconds of each frame, and its people with their rows in their tracks."""
-    firsts = [int(np.searchsorted(tracks.stamps_ns, track.stamps_ns[0])) for track in tracks.people]
-    for frame, stamp in enumerate(tracks.stamps_ns.tolist()):
-        rows = [(person, frame - first) for person, first in enumerate(firsts)]
-        there = [
-            (person, i)
-            for person, i in rows
-            if 0 <= i < len(tracks.people[person]) and tracks.people[person].present[i]
+def _frames(
+    parts: Iterable[Tracks], measure: Callable[[Track], _Measured]
+) -> Iterator[tuple[int, int, float, list[tuple[Track, int, _Measured]]]]:
+    """Yield number, stamp and seconds of each frame, and its people: track, row in it, and its measures."""
+    number, start_ns = count(), None
+    for part in parts:
+        people = [
+            (track, int(np.searchsorted(part.stamps_ns, track.stamps_ns[0])), measure(track))
+            for track in part.people
         ]
-        yield frame, stamp, (stamp - int(tracks.stamps_ns[0])) * 1e-9, there
+        for row, stamp in enumerate(part.stamps_ns.tolist()):
+            start_ns = stamp if start_ns is None else start_ns
+            there = [
+                (track, row - first, measured)
+                for track, first, measured in people
+                if 0 <= row - first < len(track) and track.present[row - first]
+            ]
+            yield next(number), stamp, (stamp - start_ns) * 1e-9, there
 
 
 def _rows(track: Track, i: int, start: list[Any]) -> Iterator[list[Any]]:

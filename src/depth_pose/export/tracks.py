@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.result import BUILD_SIZE, Skeleton
 from depth_pose.core.rotations import matrix_to_quat, quat_to_matrix, slerp
 from depth_pose.core.skeleton import JOINTS, JointState, Source
+from depth_pose.io.messages import SkeletonsMessage
 from depth_pose.io.schemas import PEOPLE_TOPIC
 from depth_pose.io.skeleton_read import read_people
 
@@ -48,8 +49,8 @@ hand: at 30 frames a second it is 0.7 ms, in which a hand at 6 m/s moves 4 mm.""
 
 
 @dataclass(frozen=True)
-class Track:
-    """One person over time; T frames from the person's first to the last.
+class Presence:
+    """When one person is there; T frames from the person's first to the last.
 
     Attributes
     ----------
@@ -58,7 +59,35 @@ class Track:
         Name of the frame that positions are in.
     stamps_ns : (T,) int64
     present : (T,) bool
-        Whether the frame has the person. Where not, values are NaN, states LOST.
+        Whether the frame has the person.
+    """
+
+    body_id: str
+    frame_id: str
+    stamps_ns: NDArray[np.int64]
+    present: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        """Return the number of frames, gaps included."""
+        return len(self.stamps_ns)
+
+    @property
+    def seconds(self) -> float:
+        """Time from the first frame to the last."""
+        return float(self.stamps_ns[-1] - self.stamps_ns[0]) * 1e-9
+
+    def gaps(self) -> list[tuple[int, int]]:
+        """Return the gaps: first frame, and the frame after the last."""
+        edges = np.flatnonzero(np.diff(self.present.astype(np.int8)))
+        return [(int(a) + 1, int(b) + 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+@dataclass(frozen=True)
+class Track(Presence):
+    """One person over time; in frames without the person values are NaN, states LOST.
+
+    Attributes
+    ----------
     positions : (T, 19, 3) float64
         Metres.
     quats_xyzw : (T, 19, 4) float64
@@ -76,10 +105,6 @@ class Track:
         Of the positions, square metres; NaN where they are not known.
     """
 
-    body_id: str
-    frame_id: str
-    stamps_ns: NDArray[np.int64]
-    present: NDArray[np.bool_]
     positions: Array
     quats_xyzw: Array
     joint_confidence: NDArray[np.float32]
@@ -90,20 +115,6 @@ class Track:
     source: NDArray[np.uint8]
     build: NDArray[np.float32]
     covariances: NDArray[np.float16]
-
-    def __len__(self) -> int:
-        """Return the number of frames, gaps included."""
-        return len(self.stamps_ns)
-
-    @property
-    def seconds(self) -> float:
-        """Time from the first frame to the last."""
-        return float(self.stamps_ns[-1] - self.stamps_ns[0]) * 1e-9
-
-    def gaps(self) -> list[tuple[int, int]]:
-        """Return the gaps: first frame, and the frame after the last."""
-        edges = np.flatnonzero(np.diff(self.present.astype(np.int8)))
-        return [(int(a) + 1, int(b) + 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 @dataclass(frozen=True)
@@ -133,16 +144,30 @@ def read_tracks(path: Path | str, topic: str = PEOPLE_TOPIC) -> Tracks:
         Where the recording has no skeletons on the topic, or one frame has two of the same id.
     """
     frame_id, frames = "", {}
-    for message in read_people(path, topic):
+    for message in read_frames(path, topic):
         frame_id = frame_id or message.frame_id
+        frames[message.stamp_ns] = message.skeletons
+    return tracks_of(frames, frame_id)
+
+
+def read_frames(path: Path | str, topic: str = PEOPLE_TOPIC) -> Iterator[SkeletonsMessage]:
+    """Yield the frames of a recording of skeletons, at least one.
+
+    Raises
+    ------
+    InputError
+        As of `read_tracks`.
+    """
+    is_empty = True
+    for message in read_people(path, topic):
+        is_empty = False
         who = Counter(skeleton.body_id for skeleton in message.skeletons)
         if who and max(who.values()) > 1:
             twice = who.most_common(1)[0][0]
             raise InputError(f"{path}: two skeletons of {message.stamp_ns} ns have the id {twice!r}")
-        frames[message.stamp_ns] = message.skeletons
-    if not frames:
+        yield message
+    if is_empty:
         raise InputError(f"{path} has no messages on {topic}")
-    return tracks_of(frames, frame_id)
 
 
 def tracks_of(frames: Mapping[int, Sequence[Skeleton]], frame_id: str) -> Tracks:
@@ -165,17 +190,25 @@ def chosen(tracks: Tracks, people: Sequence[str], source: Path | str) -> Tracks:
     InputError
         Where one of them, or anybody, is missing.
     """
-    known = [track.body_id for track in tracks.people]
+    check_chosen([track.body_id for track in tracks.people], people, source, len(tracks.stamps_ns))
+    return replace(tracks, people=tuple(t for t in tracks.people if not people or t.body_id in people))
+
+
+def check_chosen(known: Sequence[str], people: Sequence[str], source: Path | str, frames: int) -> None:
+    """Check that a recording of ``frames`` with the people ``known`` has those that are chosen.
+
+    Raises
+    ------
+    InputError
+        As of `chosen`.
+    """
     missing = [who for who in people if who not in known]
     if missing:
         raise InputError(
             f"{source} has nobody with the id {missing[0]}; it has {', '.join(known) or 'nobody'}"
         )
     if not known:
-        raise InputError(
-            f"{source} shows nobody in {len(tracks.stamps_ns)} frames; there is nothing to write"
-        )
-    return replace(tracks, people=tuple(t for t in tracks.people if not people or t.body_id in people))
+        raise InputError(f"{source} shows nobody in {frames} frames; there is nothing to write")
 
 
 def _track(body_id: str, frames: dict[int, Skeleton], stamps_ns: NDArray[np.int64]) -> Track:
@@ -349,7 +382,7 @@ def _mixed(a: Array, b: Array, share: Array) -> Array:
     return np.asarray(np.where(share == 1, b, a + share * (b - a)))
 
 
-def describe_gaps(track: Track) -> str:
+def describe_gaps(track: Presence) -> str:
     """Describe the gaps, ``2 gaps: 1.20 to 1.33 s, 4.00 to 4.50 s``; empty for none.
 
     Times are from the person's first frame, from the last frame before a gap to the first after it.
