@@ -23,9 +23,10 @@ from command_line import make_parser
 from parts.builds import sample_person
 
 from depth_pose.analysis import analyse_recording
-from depth_pose.analysis.gait import Walk
+from depth_pose.analysis.steps import Walk
 from depth_pose.bank import Bank, default_bank_path
-from depth_pose.body.joint_angles import JOINT_ANGLES, angles_of, measure_angles
+from depth_pose.body.angle_definitions import JOINT_ANGLES, angles_of
+from depth_pose.body.joint_angles import measure_angles
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS
 from depth_pose.export.tracks import read_tracks

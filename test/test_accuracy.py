@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from depth_pose.bank import Bank, default_bank_path
-from depth_pose.body.joint_angles import JOINT_ANGLES, angles_of, joint_angles
+from depth_pose.body.angle_definitions import JOINT_ANGLES, angles_of
+from depth_pose.body.joint_angles import joint_angles
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.detect.floor import Floor

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from depth_pose.bank.bank import Bank
-    from depth_pose.body.joint_angles import JOINT_ANGLES, JointAngle, JointAngles, joint_angles
+    from depth_pose.body.angle_definitions import JOINT_ANGLES
+    from depth_pose.body.joint_angles import JointAngle, JointAngles, joint_angles
     from depth_pose.core.camera import Camera, Lens
     from depth_pose.core.config import PipelineConfig
     from depth_pose.core.errors import BankError, ConfigError, DepthPoseError, InputError
@@ -73,7 +74,8 @@ _PLACES = {
     "bank.bank": ("Bank",),
     "core.camera": ("Camera", "Lens"),
     "core.config": ("PipelineConfig",),
-    "body.joint_angles": ("JOINT_ANGLES", "JointAngle", "JointAngles", "joint_angles"),
+    "body.angle_definitions": ("JOINT_ANGLES",),
+    "body.joint_angles": ("JointAngle", "JointAngles", "joint_angles"),
     "core.errors": ("BankError", "ConfigError", "DepthPoseError", "InputError"),
     "core.frame": ("DepthFrame",),
     "core.joint": ("Joint",),

@@ -6,14 +6,9 @@ import numpy as np
 import pytest
 
 import depth_pose
+from depth_pose.body.angle_definitions import AGAINST_VERTICAL, JOINT_ANGLES
 from depth_pose.body.angles import rotations_from_angles
-from depth_pose.body.joint_angles import (
-    AGAINST_VERTICAL,
-    JOINT_ANGLES,
-    joint_angles,
-    joint_covariances,
-    measure_angles,
-)
+from depth_pose.body.joint_angles import joint_angles, joint_covariances, measure_angles
 from depth_pose.core.errors import InputError
 from depth_pose.core.result import Skeleton
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL, matrix_to_quat, rotvec_to_matrix

@@ -9,8 +9,8 @@ import numpy as np
 import pandas
 import pytest
 
+from depth_pose.body.angle_definitions import JOINT_ANGLES
 from depth_pose.body.angles import rotations_from_angles
-from depth_pose.body.joint_angles import JOINT_ANGLES
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL, matrix_to_quat, quat_to_matrix, rotation_y
 from depth_pose.core.skeleton import JOINT_NODES, JOINTS

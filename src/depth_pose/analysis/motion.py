@@ -9,12 +9,8 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from depth_pose.analysis.measures import Array, Mask
-from depth_pose.body.joint_angles import (
-    AGAINST_VERTICAL,
-    JOINT_ANGLE_INDEX,
-    joint_covariances,
-    measure_angles,
-)
+from depth_pose.body.angle_definitions import AGAINST_VERTICAL, JOINT_ANGLE_INDEX
+from depth_pose.body.joint_angles import joint_covariances, measure_angles
 from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.export.tracks import Track, even, whole
 
@@ -51,7 +47,7 @@ class Motion:
     deviations : (T, 19) float64
         Standard deviation of each joint in one direction, metres.
     angles, angle_deviations : (T, 25) float64
-        Of `depth_pose.body.joint_angles.JOINT_ANGLES`, degrees; NaN and infinite where not measured.
+        Of `depth_pose.body.angle_definitions.JOINT_ANGLES`, degrees; NaN and infinite where not measured.
     """
 
     body_id: str

@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from depth_pose import __version__
-from depth_pose.analysis.gait import SIDES, Gait
+from depth_pose.analysis.gait import Gait
 from depth_pose.analysis.measures import Measure
 from depth_pose.analysis.ranges import Range
 from depth_pose.analysis.report import PersonReport, Report
 from depth_pose.analysis.rising import pelvis_share
-from depth_pose.body.joint_angles import JOINT_ANGLE_INDEX
+from depth_pose.analysis.steps import SIDES
+from depth_pose.body.angle_definitions import JOINT_ANGLE_INDEX
 from depth_pose.core.printable import printable
 from depth_pose.core.sketch import LEFT, MIDDLE, RIGHT
 

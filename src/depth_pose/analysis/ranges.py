@@ -8,7 +8,7 @@ import numpy as np
 
 from depth_pose.analysis.measures import Measure
 from depth_pose.analysis.motion import Motion
-from depth_pose.body.joint_angles import AGAINST_VERTICAL, JOINT_ANGLES
+from depth_pose.body.angle_definitions import AGAINST_VERTICAL, JOINT_ANGLES
 
 GROUP = "range of motion"
 

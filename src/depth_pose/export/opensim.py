@@ -16,8 +16,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.body.angle_definitions import JOINT_ANGLE_INDEX
 from depth_pose.body.angles import relative, swing_twist_rotation, trunk_angles
-from depth_pose.body.joint_angles import JOINT_ANGLE_INDEX, measure_angles
+from depth_pose.body.joint_angles import measure_angles
 from depth_pose.core.rotations import quat_to_matrix, rotation_x, rotation_z
 from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.export.tracks import Track

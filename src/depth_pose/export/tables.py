@@ -11,7 +11,8 @@ from typing import Any, TextIO, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.joint_angles import JOINT_ANGLES, measure_angles
+from depth_pose.body.angle_definitions import JOINT_ANGLES
+from depth_pose.body.joint_angles import measure_angles
 from depth_pose.core.skeleton import BONES, JOINTS, JointState, Source
 from depth_pose.core.tables import COLUMNS
 from depth_pose.export.tracks import ARRAYS, Track, Tracks
