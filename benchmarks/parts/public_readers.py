@@ -17,9 +17,9 @@ int32 number, float32 (240, 320, 3) points in metres (x right, y up, z to the vi
 markers, 32 times a name of 256 bytes and float32 (3,), int32 number of joints, 32 times an int32 and
 float32 (3,). The numbers of the joints are nowhere explained, so the markers are used.
 
-SMMC-10 (V. Ganapathi et al., CVPR 2010). No description of its files could be found: convert each sequence
-to a recording ``NAME.mcap`` and a truth file ``NAME.npz`` (as of ``depth-pose eval``) with the markers'
-names.
+SMMC-10 (V. Ganapathi et al., CVPR 2010). No description of its files was found, neither in the paper nor in
+public code: convert each sequence to a recording ``NAME.mcap`` and a truth file ``NAME.npz`` (as of
+``depth-pose eval``) with the markers' names.
 """
 
 from __future__ import annotations

@@ -55,10 +55,10 @@ class ClipErrors:
     def line(self) -> str:
         """Return the result in one line."""
         judged = self.raw if self.kind == "joints" else self.free
+        free = "" if self.kind == "joints" else f"without offsets {_mean_mm(self.free)}, "
         return (
             f"{self.name}: {self.frames} frames, answered {_share(np.isfinite(judged), judged):.3f}, "
-            f"error {_mean_mm(self.raw)}, without offsets {_mean_mm(self.free)}, "
-            f"mAP at 10 cm {_share(judged < WITHIN_M, judged):.3f}"
+            f"error {_mean_mm(self.raw)}, {free}mAP at 10 cm {_share(judged < WITHIN_M, judged):.3f}"
         )
 
 
