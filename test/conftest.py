@@ -23,7 +23,7 @@ ALLOWED_SKIPS = (
     r"needs \.\./shared\b",  # data that is handed out beside the project
     r"the extra 'anny' is not installed$",  # 5 GB
     r"Node\.js is not installed$",  # draws the example's web page
-    r"launch comes with ROS 2 from apt$",
+    r"(launch|vision_msgs|people_msgs) comes with ROS 2 from apt$",
     r"this account can make no network of its own$",  # a container's, or the kernel forbids it
     r"ezc3d has no wheel for this machine$",
     r"needs a Chromium\b",  # that DEPTH_POSE_CHROMIUM names, and playwright

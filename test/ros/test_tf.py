@@ -163,6 +163,39 @@ def test_rep_155(start, bank_path, peer, fitted):
     assert "Traceback" not in process.output
 
 
+def test_people_as_messages_of_other_packages(start, bank_path, peer, fitted):
+    """What arrives is the skeletons' boxes, centres and velocities."""
+    where = "comes with ROS 2 from apt"
+    vision = pytest.importorskip("vision_msgs.msg", reason=f"vision_msgs {where}")
+    social = pytest.importorskip("people_msgs.msg", reason=f"people_msgs {where}")
+    process = recovery(start, bank_path, "vision_msgs:=true", "people_msgs:=true")
+    skeletons = peer.listen(SkeletonArray, "/depth_pose/skeletons", RELIABLE)
+    people = peer.listen(social.People, "/people", RELIABLE)
+    somebody = lambda heard: any(m.detections for m in heard) and any(m.people for m in people)  # noqa: E731
+    topic = "/depth_pose/detections"
+    found = answers(peer, Inputs(peer), fitted, vision.Detection3DArray, topic, holds=somebody)
+    peer.spin(1.0)
+    at = {stamp_to_ns(m.header.stamp): [msg_to_skeleton(s) for s in m.skeletons] for m in skeletons}
+    for message in found:
+        for box, person in zip(message.detections, at[stamp_to_ns(message.header.stamp)], strict=True):
+            low, high = person.box
+            np.testing.assert_allclose(xyz(box.bbox.center.position), 0.5 * (low + high), atol=1e-5)
+            np.testing.assert_allclose(xyz(box.bbox.size), high - low, atol=1e-5)
+            (result,) = box.results
+            assert (box.id, result.hypothesis.class_id) == (person.body_id, "person")
+            assert result.hypothesis.score == pytest.approx(person.confidence)
+    for message in people:
+        for one, person in zip(message.people, at[stamp_to_ns(message.header.stamp)], strict=True):
+            assert (one.name, one.reliability) == (person.body_id, pytest.approx(person.confidence))
+            np.testing.assert_allclose(xyz(one.position), person.centre, atol=1e-5)
+            np.testing.assert_allclose(xyz(one.velocity), np.nan_to_num(person.velocity), atol=1e-4)
+    assert "Traceback" not in process.output
+
+
+def xyz(point):
+    return [point.x, point.y, point.z]
+
+
 def later(fitted, by_ns):
     """The same frames at later times."""
     out = []
