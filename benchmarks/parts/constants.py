@@ -13,6 +13,8 @@ compiled in do not change here.
 
 from __future__ import annotations
 
+import ast
+import inspect
 import pkgutil
 import time
 from collections.abc import Iterator
@@ -69,15 +71,25 @@ def tuned() -> Iterator[tuple[str, str, str, float]]:
 
 
 def constants() -> Iterator[tuple[str, ModuleType, str, float]]:
-    """Give the numbers in modules: name, module, variable and value."""
+    """Give the numbers that modules define: name, module, variable and value."""
     for folder in FIRST + LATER:
         package = import_module(f"depth_pose.{folder}")
         for found in pkgutil.iter_modules(package.__path__):
             if not found.name.endswith("kernels"):
                 module = import_module(f"depth_pose.{folder}.{found.name}")
-                for name, value in vars(module).items():
+                for name in defined(module):
+                    value = getattr(module, name)
                     if name.isupper() and type(value) in (int, float) and value:
                         yield f"{folder}.{found.name}.{name}", module, name, value
+
+
+def defined(module: ModuleType) -> Iterator[str]:
+    """Give the variables that a module itself assigns: imported ones may size arrays elsewhere."""
+    for statement in ast.parse(inspect.getsource(module)).body:
+        if isinstance(statement, ast.Assign):
+            for name in ast.walk(ast.Tuple(statement.targets)):
+                if isinstance(name, ast.Name):
+                    yield name.id
 
 
 @contextmanager
