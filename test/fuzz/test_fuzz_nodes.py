@@ -114,9 +114,9 @@ def deliver(node, number, messages):
     """Pass a frame's messages with equal stamps to the node's callbacks, and process what is pending."""
     from depth_pose.ros.messages.basics import ns_to_stamp
 
-    for index, message in enumerate(messages):
+    for message in messages:
         message.header.stamp = ns_to_stamp(10**18 + number * 40_000_000)
-        node.intake.take(index, message, {"publication_sequence_number": 0})
+        node.intake.take(message, {"publication_sequence_number": 0})
     whole = node.intake.take_pending()
     if whole is not None:
         node.process(whole)

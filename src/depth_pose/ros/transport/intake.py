@@ -162,7 +162,7 @@ class Intake:
         return self._node.create_subscription(
             kind,
             self._input.topic,
-            self._receive,
+            self.take,
             frame_qos(depth, self._is_reliable),
             event_callbacks=NO_EVENTS,
         )
@@ -207,7 +207,7 @@ class Intake:
         before = self.arrivals
         if self._subscription is not None:
             for message, info in waiting(self._subscription):
-                self._receive(message, info)
+                self.take(message, info)
         return self.arrivals > before
 
     def take_pending(self) -> tuple[Any, ...] | None:
@@ -215,7 +215,7 @@ class Intake:
         message, self._pending = self._pending, None
         return None if message is None else (message,)
 
-    def _receive(self, message: Any, info: Any) -> None:
+    def take(self, message: Any, info: Any) -> None:
         """Receive a message with rclpy's message info; log exceptions."""
         self._node.guard(self._input.topic, self._add, message, info)
 
