@@ -222,13 +222,13 @@ def test_places_by_tf_static_pause_and_bad_input(peer, start):
     cameras.play(lambda: any(m.skeletons for m in cameras.room), what="skeletons again", answered=False)
 
 
-def test_a_camera_that_does_not_fit_is_named(peer, start, rig_path):
-    """It stands 1.2 m from where the rig file says: said within seconds, once, and on /diagnostics."""
+def test_cameras_that_do_not_fit_are_named(peer, start, rig_path):
+    """One stands 1.2 m from where the rig file says: said within seconds, once, and on /diagnostics."""
     process = start("-m", "depth_pose.cli", "fuse", "--rig", rig_path, "--local", "--sim-time")
     cameras = Cameras(peer, process)
     cameras.poses[1] = POSES[1].copy()
     cameras.poses[1][0, 3] -= 1.2
-    line = "cam_b does not fit cam_a: off by about 1.2 m; calibrate again"
+    line = "cam_a and cam_b do not agree: off by about 1.2 m; calibrate again"
     cameras.play(cameras.says(line), what="the line")
     assert cameras.steps * PERIOD_NS < 12e9
     cameras.play(lambda: any(line in s.message for m in cameras.told for s in m.status), what="diagnostics")

@@ -122,7 +122,10 @@ class FitCheck:
             del self._paths[next(iter(self._paths))]
 
     def judge_all(self) -> dict[int, str]:
-        """Judge all cameras; return a line for each that does not fit the others."""
+        """Judge all cameras; return a line for each that does not fit the others.
+
+        Where only two cameras disagree and no third one decides, both have the same line, which names both.
+        """
         self._found = {pair: self._judge(*pair) for pair in self._pairs}
         return self._lines()
 
@@ -147,7 +150,10 @@ class FitCheck:
         while misfits:
             bad = max({c for m in misfits for c in (m.camera, m.other)}, key=lambda c: (blamed[c], c))
             worst = next(m for m in misfits if bad in (m.camera, m.other))
-            lines[bad] = self._line(worst, bad)
+            if blamed[worst.camera] == blamed[worst.other] and not worst.shift_s:
+                lines[worst.camera] = lines[worst.other] = self._line_of_both(worst)
+            else:
+                lines[bad] = self._line(worst, bad)
             misfits = [m for m in misfits if bad not in (m.camera, m.other)]
         return lines
 
@@ -159,8 +165,11 @@ class FitCheck:
                 f"the clock of {name} is about {abs(later):.1f} s {'ahead of' if later > 0 else 'behind'} "
                 f"that of {other}: synchronise them, or correct clock_offset in the rig file"
             )
-        turned = f" and turned by {m.turned_deg:.0f} degrees" if m.turned_deg > 5.0 else ""
-        return f"{name} does not fit {other}: off by about {m.off_m:.2g} m{turned}; calibrate again"
+        return f"{name} does not fit {other}: {_amount(m)}; calibrate again"
+
+    def _line_of_both(self, m: Misfit) -> str:
+        first, second = (self._names[c] for c in sorted((m.camera, m.other)))
+        return f"{first} and {second} do not agree: {_amount(m)}; calibrate again"
 
     def _judge(self, a: int, b: int) -> Misfit | None:
         """Compare two cameras by the pair of paths that agree best after a rigid motion."""
@@ -178,6 +187,11 @@ class FitCheck:
             if (result := _compare(first, second, a, b)) is not None
         ]
         return min(found, key=lambda one: one[0])[1] if found else None
+
+
+def _amount(m: Misfit) -> str:
+    turned = f" and turned by {m.turned_deg:.0f} degrees" if m.turned_deg > 5.0 else ""
+    return f"off by about {m.off_m:.2g} m{turned}"
 
 
 def _are_known(skeleton: Skeleton) -> bool:

@@ -157,7 +157,7 @@ def misfits(watched: Sequence[Watched], fusion: RoomFusion) -> list[str]:
         for frame in read_spool(one.spool):
             placed = [place(s, T, ROOM_FRAME) for s in frame.skeletons if not s.is_lost]
             check.add(k, fusion.room_stamp(k, frame.stamp_ns), placed)
-    return list(check.judge_all().values())
+    return list(dict.fromkeys(check.judge_all().values()))
 
 
 def _write(writer: SkeletonWriter, result: RoomResult, stamp_ns: int, markers: bool) -> None:

@@ -148,7 +148,8 @@ class CameraWatch:
             before, of.misfit = of.misfit, lines.get(camera, "")
             if before and of.misfit and not of.is_misfit_told:
                 of.is_misfit_told = True
-                self._news.append(of.misfit)
+                if of.misfit not in self._news:  # one that names two cameras
+                    self._news.append(of.misfit)
 
     def news(self) -> list[str]:
         """Return the changes since the last call, one line each."""

@@ -216,7 +216,7 @@ class FusionNode(BankNode):
             return DiagnosticStatus.WARN, f"waits for the transform from {', '.join(missing)}"
         cameras = self.stage.watch.cameras
         out = [f"{c.name} {c.state.value}" for c in cameras if c.state != CameraState.USED]
-        out += [c.misfit for c in cameras if c.misfit]
+        out += dict.fromkeys(c.misfit for c in cameras if c.misfit)
         return (DiagnosticStatus.WARN, ", ".join(out)) if out else (level, words)
 
     def more_statuses(self) -> list[DiagnosticStatus]:
