@@ -16,6 +16,7 @@ from rclpy.task import Future
 
 from depth_pose.core.errors import DepthPoseError
 from depth_pose.ros.process import NODES
+from depth_pose.ros.process.security import init_context
 
 _FIND_S, _LONGEST_LOOK_S = 5.0, 0.2
 """Seconds to find a node's services, and the maximum that one check counts: while the machine stood still
@@ -62,7 +63,7 @@ def set_active(
         If a node does not exist, does not answer, or refuses.
     """
     context = Context()
-    rclpy.init(context=context, args=[])
+    init_context(context, args=[])
     node = rclpy.create_node("depth_pose_lifecycle", context=context)
     try:
         caller = _Caller(node, context, timeout_s)

@@ -19,6 +19,7 @@ from depth_pose.core.printable import printable_lines
 from depth_pose.ros import PRIVATE_UMASK
 from depth_pose.ros.process import DONE
 from depth_pose.ros.process.pulse import PULSE, start_pulse
+from depth_pose.ros.process.security import init_context
 
 EXIT_CONFIG = 2
 """Exit code where the configuration or the bank cannot be used: a restart would not help."""
@@ -34,11 +35,6 @@ _PR_SET_PDEATHSIG = 1
 
 _END_S = 10.0
 """Seconds for an orderly end, after which the process prints a traceback and ends. Set by hand."""
-
-_NO_SECURITY = (
-    "depth_pose: ROS_SECURITY_ENABLE asks for SROS2: with ROS 2 from apt, check ROS_SECURITY_KEYSTORE; ROS 2 "
-    "from the Python package index has no SROS2"
-)
 
 
 class _Stop:
@@ -94,12 +90,6 @@ def leave(code: int) -> NoReturn:
     os._exit(code)
 
 
-def _is_of_security(error: Exception) -> bool:
-    """Check whether ROS does not start because SROS2 is asked for and is not there, or has no keys."""
-    is_wanted = os.environ.get("ROS_SECURITY_ENABLE", "").lower() == "true"
-    return is_wanted and isinstance(error, RuntimeError) and "security" in str(error).lower()
-
-
 def _run(make: Callable[[], Any], args: Sequence[str] | None, stop: _Stop) -> int:
     import rclpy  # after the handlers: a stop during these imports must be clean, too
     from rclpy.executors import ExternalShutdownException
@@ -111,7 +101,7 @@ def _run(make: Callable[[], Any], args: Sequence[str] | None, stop: _Stop) -> in
     try:
         ensure_log_folder()
         known = list(args) if args is not None else None
-        rclpy.init(args=known, signal_handler_options=SignalHandlerOptions.NO)
+        init_context(args=known, signal_handler_options=SignalHandlerOptions.NO)
         gc.disable()  # garbage collection takes a tenth of the start; these objects stay
         node = make()
         _release_memory()
@@ -126,10 +116,7 @@ def _run(make: Callable[[], Any], args: Sequence[str] | None, stop: _Stop) -> in
     except (ConfigError, BankError) as e:
         sys.stderr.write(f"depth_pose: {printable_lines(e)}\n")
         return EXIT_CONFIG
-    except Exception as e:
-        if node is None and _is_of_security(e):
-            sys.stderr.write(f"depth_pose: {printable_lines(e)}\n{_NO_SECURITY}\n")
-            return EXIT_CONFIG
+    except Exception:
         if node is None or rclpy.ok():  # else it was asked to stop, and rclpy was shut down during a call
             raise
     finally:

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from depth_pose.ros.process.runner import on_stop
+from depth_pose.ros.process.security import init_context
 
 _TICK_S = 0.05
 """Maximum wait for a message between checks for a stop signal, seconds. Set by hand."""
@@ -36,7 +37,7 @@ def listener(name: str) -> Iterator[Any]:
     from rclpy.executors import SingleThreadedExecutor
 
     context, stopped = Context(), threading.Event()
-    rclpy.init(context=context, args=[])
+    init_context(context, args=[])
     executor = SingleThreadedExecutor(context=context)
     node = rclpy.create_node(f"depth_pose_{name}", context=context, start_parameter_services=False)
     executor.add_node(node)

@@ -17,6 +17,7 @@ from depth_pose.core.printable import printable
 from depth_pose.io.image_options import ImageOptions
 from depth_pose.io.recording import RawMessage, Recording
 from depth_pose.ros.process.runner import on_stop
+from depth_pose.ros.process.security import init_context
 from depth_pose.ros.process.shared_memory import keep_private
 from depth_pose.ros.tools.recorded_qos import is_latched
 
@@ -160,7 +161,7 @@ class Player:
 
         self._recording = Recording(self._path, self._images)
         context = Context()
-        rclpy.init(context=context, args=[])
+        init_context(context, args=[])
         try:
             self._node = rclpy.create_node("player", namespace="depth_pose", context=context)
             keep_private()

@@ -15,6 +15,7 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.outputs import NewFile
 from depth_pose.core.printable import printable
 from depth_pose.ros.process.runner import on_stop
+from depth_pose.ros.process.security import init_context
 from depth_pose.ros.tools.recorded_qos import qos_text
 
 _LOOK_EVERY_S = 0.05
@@ -168,7 +169,7 @@ class Recorder:
 
         context = Context()
         try:
-            rclpy.init(context=context, args=[])
+            init_context(context, args=[])
             self._node = rclpy.create_node("recorder", namespace="depth_pose", context=context)
             executor = SingleThreadedExecutor(context=context)
             executor.add_node(self._node)

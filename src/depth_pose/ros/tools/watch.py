@@ -22,6 +22,7 @@ from depth_pose.io.calibration import is_rectified
 from depth_pose.io.camera_infos import CameraInfos
 from depth_pose.io.mcap_read import frame_of_cloud, make_frame
 from depth_pose.io.messages import read_message, read_people, stamp_of
+from depth_pose.ros.process.security import init_context
 from depth_pose.ros.tools.bag import header_stamp_ns
 
 _HELD, _HELD_BYTES = 64, 64 << 20
@@ -123,7 +124,7 @@ class Watch:
         from rclpy.context import Context
 
         self._context = Context()
-        rclpy.init(context=self._context, args=[])
+        init_context(self._context, args=[])
         self._node = rclpy.create_node("viewer", namespace="depth_pose", context=self._context)
         self._listen(SkeletonArray, "/depth_pose/skeletons", self.take_skeletons)
         self._node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, 10)

@@ -19,6 +19,7 @@ from depth_pose.io.compressed import depth_encoding
 from depth_pose.io.depth_topics import DEPTH_ENCODINGS
 from depth_pose.io.messages import read_image, read_message
 from depth_pose.ros import stay_local
+from depth_pose.ros.process.security import init_context
 from depth_pose.ros.transport.depth_sources import DepthSource, depth_sources
 from depth_pose.ros.transport.intake import frame_qos
 
@@ -47,7 +48,7 @@ def find_depth(local: bool = False) -> DepthSource:
     if local:
         stay_local()
     context = Context()
-    rclpy.init(context=context, args=[])
+    init_context(context, args=[])
     try:
         node = rclpy.create_node("find_depth", namespace="depth_pose", context=context)
         executor = SingleThreadedExecutor(context=context)
