@@ -66,6 +66,8 @@ def test_every_frame_is_answered_the_same_each_time(tmp_path: Path, bank: Bank, 
     assert all(s.positions.shape == (19, 3) for s in skeletons[:FRAMES])
     process_recording(DepthReader(recording), tmp_path / "b.mcap", PosePipeline(bank))
     assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
+    process_recording(DepthReader(recording), tmp_path / "c.mcap", PosePipeline(bank), is_ahead=True)
+    assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "c.mcap").read_bytes()
     process_recording(DepthReader(recording), tmp_path / "m.mcap", PosePipeline(bank), markers=True)
     drawn = list(read_ros2_messages(tmp_path / "m.mcap", topics=[MARKERS_TOPIC]))
     assert [m.log_time_ns for m in drawn] == [s.stamp_ns for s in skeletons]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import synthetic as syn
+from crowd import person, seen
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import MatchConfig, PersonalConfig, PipelineConfig
 from depth_pose.core.skeleton import JOINT_NODES, Source
@@ -205,6 +206,25 @@ def test_two_people_each_as_if_alone(bank):
             _, (own,) = answer(alone[i], syn.to_people(*only, stamp_ns=stamp_ns))
             assert own.body_id == skeleton.body_id
             np.testing.assert_allclose(skeleton.positions, own.positions, atol=0.01)
+
+
+def test_two_threads_answer_as_one(bank):
+    """To the bit: also what is measured anew, and who comes later."""
+    results = []
+    for threads in (1, 2):
+        pipeline = PosePipeline(bank, threads=threads)
+        frames = [
+            seen(k, [person(k, -0.9, 3.2), person(k, 0.1, 3.0, 2.0), person(k, 1.0, 3.4, 4.0)][: 2 + (k > 2)])
+            for k in range(8)
+        ]
+        results.append([pipeline.process_frame(frame).skeletons for frame in frames])
+    assert len(results[0][-1]) >= 2
+    for one, two in zip(*results, strict=True):
+        assert [s.body_id for s in one] == [s.body_id for s in two]
+        for a, b in zip(one, two, strict=True):
+            np.testing.assert_array_equal(a.positions, b.positions)
+            np.testing.assert_array_equal(a.joint_confidence, b.joint_confidence)
+            assert a.confidence == b.confidence
 
 
 def test_the_order_of_people_does_not_matter(bank):

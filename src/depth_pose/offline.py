@@ -5,9 +5,11 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -71,6 +73,17 @@ class Method(Protocol):
         """
 
 
+@runtime_checkable
+class TwoStageMethod(Method, Protocol):
+    """A method whose first stage does not depend on the rest, for instance `PosePipeline`."""
+
+    def perceive(self, frame: Any, /) -> Any:
+        """Run the first stage on one frame."""
+
+    def conclude(self, perceived: Any, /) -> Any:
+        """Return the result of `process_frame` for a frame after the first stage."""
+
+
 @dataclass(frozen=True)
 class RunSummary:
     """Summary of an offline run.
@@ -121,13 +134,14 @@ def _check_stamp(stamp_ns: int) -> None:
 def process_recording(
     reader: Reader,
     output: Path | str,
-    pipeline: Method,
+    pipeline: Method | TwoStageMethod,
     progress: Callable[[int], None] | None = None,
     note: Callable[[RunSummary], Mapping[str, str]] | None = None,
     *,
     markers: bool = False,
     second: SecondPass | None = None,
     tell: Callable[[Any], None] | None = None,
+    is_ahead: bool = False,
 ) -> RunSummary:
     """Run the pipeline over a recording and write its skeletons.
 
@@ -140,7 +154,7 @@ def process_recording(
         The recording's frames.
     output : Path or str
         The recording of skeletons; it appears once it is complete.
-    pipeline : Method
+    pipeline : Method or TwoStageMethod
         The method; its temporal state is reset first.
     progress : callable, optional
         Called with the number of frames done; with a second pass each counts twice.
@@ -153,6 +167,9 @@ def process_recording(
         Processes the recording backwards, and combines the results of both passes.
     tell : callable, optional
         Called with each frame's result, as soon as it is known; not for two passes.
+    is_ahead : bool
+        Whether the first stage of the next frame runs in a second thread meanwhile; the result is the same.
+        Only for a `TwoStageMethod`.
 
     Raises
     ------
@@ -166,7 +183,7 @@ def process_recording(
     sources: Counter[str] = Counter()
     confidences: list[float] = []
     empty = most = 0
-    first = _Answers(reader, pipeline, progress)
+    first = _Answers(reader, pipeline, progress, is_ahead=is_ahead)
     with SkeletonWriter(output, only_whole=note is not None) as writer:
         for result in first if second is None else second.run(first, first.count):
             if tell is not None:
@@ -247,6 +264,15 @@ def has_moved(record: Mapping[str, str] | None) -> bool:
     return record == _MOVED
 
 
+def _process(method: Callable[[Any], Any], frame: Any) -> Any:
+    _check_stamp(frame.stamp_ns)
+    return method(frame)
+
+
+def _conclude(method: TwoStageMethod, perceived: Future[Any]) -> Any:
+    return method.conclude(perceived.result())
+
+
 class _Answers:
     """Results of the method for each usable frame, in order.
 
@@ -261,7 +287,14 @@ class _Answers:
     floor_moved : bool
     """
 
-    def __init__(self, reader: Reader, method: Method, progress: Callable[[int], None] | None) -> None:
+    def __init__(
+        self,
+        reader: Reader,
+        method: Method | TwoStageMethod,
+        progress: Callable[[int], None] | None,
+        *,
+        is_ahead: bool,
+    ) -> None:
         self.times_ms: list[float] = []
         self.refused: Counter[str] = Counter()
         self.floor: Floor | None = None
@@ -269,14 +302,13 @@ class _Answers:
         self._newest: Floor | None = None
         self._changes = 0
         self._reader, self._method, self._progress = reader, method, progress
-        self._counted = 0
+        self._is_ahead, self._counted = is_ahead, 0
 
     def __iter__(self) -> Iterator[Any]:
-        for frame in self._reader:
+        for process in self._processed_ahead() if self._is_ahead else self._processed():
             start = time.perf_counter()
             try:
-                _check_stamp(frame.stamp_ns)
-                result = self._method.process_frame(frame)
+                result = process()
             except InputError as error:
                 self.refused[str(error)] += 1
                 continue
@@ -284,6 +316,24 @@ class _Answers:
             self._look_at(getattr(result, "floor", None))
             yield result
             self._tell()
+
+    def _processed(self) -> Iterator[Callable[[], Any]]:
+        """Yield a function for each frame, which returns the result."""
+        for frame in self._reader:
+            yield partial(_process, self._method.process_frame, frame)
+
+    def _processed_ahead(self) -> Iterator[Callable[[], Any]]:
+        """Yield the same functions while the next frame's first stage runs beside them."""
+        assert isinstance(self._method, TwoStageMethod), "only such a method is run ahead"
+        with ThreadPoolExecutor(1, "depth_pose") as beside:
+            waiting: Future[Any] | None = None
+            for frame in self._reader:
+                started = beside.submit(_process, self._method.perceive, frame)
+                if waiting is not None:
+                    yield partial(_conclude, self._method, waiting)
+                waiting = started
+            if waiting is not None:
+                yield partial(_conclude, self._method, waiting)
 
     def _look_at(self, floor: Floor | None) -> None:
         """Keep the newest floor; none any more where the sensor has moved."""

@@ -14,6 +14,7 @@ from depth_pose.core.frame import DepthFrame
 from depth_pose.core.labels import HIDDEN
 from depth_pose.core.mount import rotation_sensor_upright, up_direction
 from depth_pose.core.stamps import StampGuard, StampStep
+from depth_pose.core.threads import ONE_THREAD, Threads
 from depth_pose.core.zone import parse_zone
 from depth_pose.denoise.denoise import denoise_depth
 from depth_pose.denoise.tuning import DenoiseTuning
@@ -32,8 +33,8 @@ _FLOOR_EVERY_NS = 1_000_000_000
 """Time from one search for the floor to the next (ns); set by hand."""
 
 _METHODS: dict[str, Callable[..., Segmenter]] = {
-    "learned": LearnedSegmenter,
-    "planes": PlaneSegmenter,
+    "learned": lambda config, tuning, threads: LearnedSegmenter(config, tuning=tuning, threads=threads),
+    "planes": lambda config, tuning, _: PlaneSegmenter(config, tuning),
 }
 
 
@@ -50,6 +51,8 @@ class Perception:
         Whether later stages receive the measured joints (`match.method` ``joints``).
     detect_tuning, denoise_tuning
         Constants.
+    threads : Threads
+        Measure several people.
 
     Attributes
     ----------
@@ -72,9 +75,10 @@ class Perception:
         with_joints: bool = True,
         detect_tuning: DetectTuning = DetectTuning(),
         denoise_tuning: DenoiseTuning = DenoiseTuning(),
+        threads: Threads = ONE_THREAD,
     ) -> None:
         self._with_joints = with_joints
-        self.segmenter: Segmenter = _METHODS[segment.method](segment, tuning=detect_tuning)
+        self.segmenter: Segmenter = _METHODS[segment.method](segment, detect_tuning, threads)
         self._denoise = denoise, denoise_tuning
         self.tracks = PeopleTracks()
         self.choice = PeopleChoice(

@@ -9,12 +9,10 @@ import multiprocessing
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-
-from threadpoolctl import ThreadpoolController
 
 from depth_pose.bank.bank import Bank, default_bank_path
 from depth_pose.body.pose import Fitted
@@ -24,18 +22,35 @@ from depth_pose.core.kernels import is_compiled
 from depth_pose.core.mount import rotate_to_sensor, rotate_upright, rotation_sensor_upright
 from depth_pose.core.pose_match import PoseMatch
 from depth_pose.core.result import Skeleton
+from depth_pose.core.threads import ONE_THREAD, Threads, check_threads, one_thread_each
 from depth_pose.detect.floor import Floor
 from depth_pose.detect.input_repair import InputRepair
 from depth_pose.perception import Perception
 from depth_pose.stages import Shared
 from depth_pose.track.follow import Follower
 from depth_pose.track.nobody import NobodyWatch
-from depth_pose.track.person_view import FramePeople
+from depth_pose.track.person_view import FramePeople, PersonView
+from depth_pose.track.state import PersonState
 from depth_pose.track.upside_down import UpsideDownWatch
 from depth_pose.tuning import Tuning
 
-_one_thread = ThreadpoolController().wrap(limits=1)
-"""Threads for linear algebra: small systems gain nothing from more, and one keeps the order of sums."""
+
+@dataclass(frozen=True)
+class Perceived:
+    """Results of the first stage for one frame.
+
+    Attributes
+    ----------
+    frame : DepthFrame
+        Upright.
+    people : FramePeople
+    rejected : mapping of str to int
+        `depth_pose.perception.Perception.rejected_counts` after this frame.
+    """
+
+    frame: DepthFrame
+    people: FramePeople
+    rejected: Mapping[str, int]
 
 
 @dataclass(frozen=True)
@@ -71,6 +86,9 @@ class PosePipeline:
     bank : Bank
     config : PipelineConfig
     tuning : Tuning
+    threads : int
+        1 or 2: number of threads in which several people are measured and fitted. Results do not depend
+        on it.
 
     Attributes
     ----------
@@ -85,11 +103,18 @@ class PosePipeline:
     >>> skeletons = pipeline.process_frame(frame).skeletons  # doctest: +SKIP
     """
 
-    @_one_thread
+    @one_thread_each
     def __init__(
-        self, bank: Bank, config: PipelineConfig = PipelineConfig(), tuning: Tuning = Tuning()
+        self,
+        bank: Bank,
+        config: PipelineConfig = PipelineConfig(),
+        tuning: Tuning = Tuning(),
+        threads: int = 1,
     ) -> None:
         self._mount = config.mount
+        several = Threads(check_threads(threads))
+        # the paper's registration reuses one factorisation
+        self._fit_threads = several if config.refine.method == "articulated" else ONE_THREAD
         self.unanswered = 0
         self._repair = InputRepair()
         self._orientation = UpsideDownWatch(config.segment)
@@ -103,6 +128,7 @@ class PosePipeline:
             config.match.method == "joints",
             tuning.detect,
             tuning.denoise,
+            several,
         )
         self.matcher = shared.make_matcher()
         self.refiner = shared.make_refiner()
@@ -110,34 +136,41 @@ class PosePipeline:
         self.follower = Follower(config.follow)
         self._stages = (self.perception, self.matcher, self.refiner, self.recoverer, self.follower)
 
-    @_one_thread
+    @one_thread_each
     def process_frame(self, frame: DepthFrame) -> FrameResult:
         """Estimate the poses in one frame; pass the frames of a sequence in their order."""
+        return self.conclude(self.perceive(frame))
+
+    @one_thread_each
+    def perceive(self, frame: DepthFrame) -> Perceived:
+        """Run the first stage on one frame; the next one may be perceived while this one is concluded."""
         # Sec. 4: find the people, cut them out, modified LOP (eqs. 1 to 5), outliers
         shown = rotate_upright(self._repair.apply(frame), self._mount)
         people = self.perception.perceive(shown)
         self._orientation.look(shown, people)
-        result = self.answer(people)
+        return Perceived(shown, people, dict(self.perception.rejected_counts))
+
+    @one_thread_each
+    def conclude(self, seen: Perceived) -> FrameResult:
+        """Estimate the poses of the people in a frame after the first stage."""
+        result = self.answer(seen.people)
         self._nobody.look(
-            shown,
-            is_found=bool(people.persons),
+            seen.frame,
+            is_found=bool(seen.people.persons),
             is_answered=bool(result.skeletons),
-            rejected=self.perception.rejected_counts,
+            rejected=seen.rejected,
         )
         return result
 
-    @_one_thread
+    @one_thread_each
     def answer(self, people: FramePeople) -> FrameResult:
         """Estimate the poses of segmented people; the state of each goes through all stages and back."""
         self.states.begin(people)
         self.recoverer.begin()
         matches, refined, skeletons = [], [], []
-        for person in people.persons:
-            state = self.states[person.body_id]
-            # Sec. 5: canonical axes, PCA subspace, nearest exemplars (eq. 6)
-            state, match = self.matcher.estimate(state, person)
-            # Sec. 6: fit the body to the person's points; with method cpd complete the mesh (eqs. 7, 8)
-            state, fitted = self.refiner.estimate(state, person, match)
+        fits = self._fit_threads.map(self._fit, people.persons)
+        for person, (state, match, fitted) in zip(people.persons, fits, strict=True):
+            self.refiner.builds.keep(state.shape)
             # Sec. 6: failure check, temporal registration, low-pass filter
             state, skeleton = self.recoverer.estimate(state, person, fitted)
             self.states[person.body_id] = state
@@ -152,6 +185,14 @@ class PosePipeline:
             floor = Floor(people.floor[:3], float(people.floor[3]))
             floor = floor.turned(rotation_sensor_upright(self._mount.roll))
         return FrameResult(people, tuple(matches), tuple(refined), tuple(skeletons), followed, floor)
+
+    def _fit(self, person: PersonView) -> tuple[PersonState, PoseMatch, Fitted]:
+        """Match and fit one person; changes nothing that another person's fit needs."""
+        # Sec. 5: canonical axes, PCA subspace, nearest exemplars (eq. 6)
+        state, match = self.matcher.estimate(self.states[person.body_id], person)
+        # Sec. 6: fit the body to the person's points; with method cpd complete the mesh (eqs. 7, 8)
+        state, fitted = self.refiner.estimate(state, person, match)
+        return state, match, fitted
 
     def reset(self) -> None:
         """Forget all earlier frames; counters continue."""

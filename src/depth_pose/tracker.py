@@ -67,6 +67,8 @@ class Tracker:
         image with implausible values is rejected; with a scale given every value is accepted.
     frame_id : str
         Name of the optical frame, for ``Skeleton.frame_id``.
+    threads : int
+        1 or 2: number of threads in which several people are measured and fitted. The result is the same.
     quiet : bool
         Show no progress.
 
@@ -98,6 +100,7 @@ class Tracker:
         *,
         depth_scale: float | None = None,
         frame_id: str = "camera",
+        threads: int = 1,
         quiet: bool = False,
     ) -> None:
         if depth_scale is not None and not (_is_number(depth_scale) and 0.0 < depth_scale < math.inf):
@@ -121,7 +124,9 @@ class Tracker:
             if not quiet:
                 stack.enter_context(loading("the bank"))
             self._pipeline = PosePipeline(
-                bank if isinstance(bank, Bank) else Bank.load(bank or default_bank_path()), config
+                bank if isinstance(bank, Bank) else Bank.load(bank or default_bank_path()),
+                config,
+                threads=threads,
             )
             self._pipeline.warm_up()
 

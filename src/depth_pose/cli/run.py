@@ -29,6 +29,7 @@ from depth_pose.core.config import FollowConfig, PersonalConfig, PipelineConfig,
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.outputs import check_targets
 from depth_pose.core.settings_file import read_settings
+from depth_pose.core.threads import MOST_THREADS
 from depth_pose.io.image_options import ImageOptions
 
 if TYPE_CHECKING:
@@ -115,6 +116,15 @@ def run(
             help="For several recordings: use the Dask cluster with this scheduler.", metavar="ADDRESS"
         ),
     ] = None,
+    threads: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            max=MOST_THREADS,
+            help="For one recording: number of threads; with 2 the next frame's people are found meanwhile. "
+            "The result is the same.",
+        ),
+    ] = 1,
     osc: Annotated[
         str | None,
         typer.Option(help="Also send the skeletons by OSC, as they are found.", metavar="[HOST:]PORT"),
@@ -197,7 +207,12 @@ def run(
     if live.is_used and (rig is not None or passes > 1):
         raise ConfigError(f"{live.flags} cannot be combined with {'--rig' if rig else '--passes 2'}")
     if rig is not None:
-        check_room_options(save_build=save_build, cluster=cluster, passes=passes if passes > 1 else None)
+        check_room_options(
+            save_build=save_build,
+            cluster=cluster,
+            passes=passes if passes > 1 else None,
+            threads=threads if threads > 1 else None,
+        )
         run_room(
             [Path(r) for r in recordings], rig, target, bank, depth_topic, images, config, workers, markers
         )
@@ -210,9 +225,23 @@ def run(
         check_ending(target, ".mcap", "a recording (depth-pose export makes other files of it) or end in /")
         check_ending(save_build, ".json", "a build")
         _run_one(
-            Path(recordings[0]), target, bank, depth_topic, images, config, save_build, markers, passes, live
+            Path(recordings[0]),
+            target,
+            bank,
+            depth_topic,
+            images,
+            config,
+            save_build,
+            markers,
+            passes,
+            threads,
+            live,
         )
     else:
+        if threads > 1:
+            raise ConfigError(
+                "--threads is for one recording that goes to one file; several have --workers processes"
+            )
         if live.is_used:
             raise ConfigError(f"{live.flags}: only for one recording that goes to one file")
         if markers:
@@ -248,6 +277,7 @@ def _run_one(
     save_build: Path | None,
     markers: bool,
     passes: int,
+    threads: int,
     live: LiveOptions,
 ) -> None:
     """Run one recording to one file."""
@@ -263,14 +293,22 @@ def _run_one(
 
     bank = bank or default_bank_path()
     with loading("the bank"):
-        pipeline = PosePipeline(Bank.load(bank), config)
+        # frames that come at their time are not read ahead: their people are fitted in threads instead
+        pipeline = PosePipeline(Bank.load(bank), config, threads=threads if live.real_time else 1)
         pipeline.warm_up()
     try:
         with live.sending() as tell, progress_bar(recording.name, passes * len(reader)) as update:
             second = SecondPass(pipeline) if passes > 1 else None
             frames = Paced(reader) if live.real_time else reader
             summary = process_recording(
-                frames, output, pipeline, update, markers=markers, second=second, tell=tell
+                frames,
+                output,
+                pipeline,
+                update,
+                markers=markers,
+                second=second,
+                tell=tell,
+                is_ahead=threads > 1 and not live.real_time,
             )
     except PartlyWritten as stopped:
         tell_stopped(stopped)

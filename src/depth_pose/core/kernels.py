@@ -27,7 +27,7 @@ def njit(*functions: Callable[..., Any], **options: Any) -> Any:
 
     def compile_one(function: Callable[..., Any]) -> Any:
         # nothing calls kernels from C, and the wrapper for it takes a twentieth of the time
-        kernel = compile_it(function, no_cfunc_wrapper=True, **options)
+        kernel = compile_it(function, no_cfunc_wrapper=True, nogil=True, **options)
         if cached:
             kernel._cache = _MendingCache(function)  # what enable_caching() does, with another cache
         return kernel

@@ -5,6 +5,7 @@ A crop around the torso has the same pixel size, in metres, for every sensor and
 
 from __future__ import annotations
 
+import threading
 from typing import NamedTuple
 
 import numpy as np
@@ -58,8 +59,8 @@ class CropSample(NamedTuple):
     whose: NDArray[np.int64]
 
 
-class CropSampler:
-    """Resamples crops.
+class CropSampler(threading.local):
+    """Resamples crops, in each thread into other arrays.
 
     Parameters
     ----------

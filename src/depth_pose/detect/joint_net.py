@@ -14,6 +14,7 @@ makes the weights; their settings hold the size of the crop.
 from __future__ import annotations
 
 import json
+import threading
 from pathlib import Path
 from typing import Protocol
 
@@ -72,10 +73,8 @@ class VotingNet:
         self.session = open_net(read_weights("joint_finder.onnx", weights))
         self.codec = JointCodec(float(settings["least_width_m"]))
         self.calibration = JointCalibration.of(settings)
-        self._features = np.zeros((1, kernels.CHANNELS, side, side), np.float32)
         self._rows = np.array(settings["middle"])
-        self._middle = np.zeros((1, kernels.CHANNELS, len(self._rows), len(self._rows)), np.float32)
-        self._inputs = {"features": self._features, "middle": self._middle}
+        self._inputs = _Inputs(side, len(self._rows))
 
     def look(self, crop: Crop) -> JointMeasurement:
         """Measure the joints of a crop's person."""
@@ -106,10 +105,20 @@ class VotingNet:
 
     def _ask(self, sample: CropSample, label: int) -> JointCodes:
         """Run the net on one crop."""
-        kernels.fill_features(sample.grid, sample.whose, label, sample.view, self._features[0])
-        kernels.take_pixels(self._features[0], self._rows, self._middle[0])
-        places, log_width, behind, person, mask = self.session.run(_OUTPUTS, self._inputs)
+        features, middle = self._inputs.features, self._inputs.middle
+        kernels.fill_features(sample.grid, sample.whose, label, sample.view, features[0])
+        kernels.take_pixels(features[0], self._rows, middle[0])
+        given = {"features": features, "middle": middle}
+        places, log_width, behind, person, mask = self.session.run(_OUTPUTS, given)
         return JointCodes(places[0], log_width[0], float(behind[0]), float(person[0]), mask[0])
+
+
+class _Inputs(threading.local):
+    """The net's inputs, whole and middle pixels of a crop; each thread has its own."""
+
+    def __init__(self, side: int, middle: int) -> None:
+        self.features = np.zeros((1, kernels.CHANNELS, side, side), np.float32)
+        self.middle = np.zeros((1, kernels.CHANNELS, middle, middle), np.float32)
 
 
 def _rounded(values: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.stamps import MAX_REUSE_NS
+from depth_pose.core.threads import ONE_THREAD, Threads
 from depth_pose.detect import _motion_kernels as kernels
 from depth_pose.detect.candidates import Candidates
 from depth_pose.detect.finder import TorsoDetection
@@ -109,6 +110,7 @@ class JointNetSchedule:
         found: Candidates,
         stamp_ns: int,
         measure: Callable[[TorsoDetection], JointMeasurement],
+        threads: Threads = ONE_THREAD,
     ) -> list[Look]:
         """Measure the people who move and whose turn it is, and reuse the last measurements of the others.
 
@@ -119,6 +121,8 @@ class JointNetSchedule:
         stamp_ns : int
         measure : callable
             Measures one person.
+        threads : Threads
+            Measure several people.
 
         Returns
         -------
@@ -138,10 +142,11 @@ class JointNetSchedule:
         spare = max(0, _MOST_FRESH - (len(people) - len(calm) - len(resting)))
         # the oldest measurements are renewed first
         rests = {n for _, n in resting[: max(0, len(resting) - spare)]}
-        looks = []
+        looks, kept = [], calm | rests
+        measured = iter(threads.map(measure, [p for n, p in enumerate(people) if n not in kept]))
         for n, person in enumerate(people):
             last = before[n]
-            if last is not None and (n in calm or n in rests):
+            if last is not None and n in kept:
                 stale_m = _CALM_STALE_M if n in calm else _STALE_M
                 moved = last.seen.moved(person.torso - last.torso, stale_m)
                 looks.append(
@@ -150,7 +155,7 @@ class JointNetSchedule:
             else:
                 # the first interval varies, so that not all people are measured in the same frames
                 age = 0 if last is not None else n % self._every
-                looks.append(Look(person.torso, measure(person), stamp_ns, age, found, person.label))
+                looks.append(Look(person.torso, next(measured), stamp_ns, age, found, person.label))
         self._looks = looks
         return looks
 

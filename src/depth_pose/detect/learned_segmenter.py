@@ -14,6 +14,7 @@ from depth_pose.core.frame import DepthFrame
 from depth_pose.core.labels import BACKGROUND, HIDDEN
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINTS
+from depth_pose.core.threads import ONE_THREAD, Threads
 from depth_pose.detect import working_grid
 from depth_pose.detect._border_kernels import mark_at_limbs, mark_nearer
 from depth_pose.detect.candidates import CandidateFinder, Candidates
@@ -50,6 +51,8 @@ class LearnedSegmenter:
     weights : path, optional
         A folder of nets in place of the packaged ones.
     tuning : DetectTuning
+    threads : Threads
+        Measure several people.
 
     Attributes
     ----------
@@ -58,9 +61,13 @@ class LearnedSegmenter:
     """
 
     def __init__(
-        self, config: SegmentConfig, weights: Path | None = None, tuning: DetectTuning = DetectTuning()
+        self,
+        config: SegmentConfig,
+        weights: Path | None = None,
+        tuning: DetectTuning = DetectTuning(),
+        threads: Threads = ONE_THREAD,
     ) -> None:
-        self.config, self._tuning = config, tuning
+        self.config, self._tuning, self._threads = config, tuning, threads
         self.candidates = CandidateFinder(config, weights, tuning)
         self.joint_net: JointNet = VotingNet(weights, config.mirror)
         self._masks = MaskPropagation(config, tuning)
@@ -91,7 +98,9 @@ class LearnedSegmenter:
         if found is None:
             found, is_returned = self._masks.give_back(self.candidates.find(frame), frame.stamp_ns)
         labels = self.candidates.mark_hidden(found, frame.filled)
-        looks = self._schedule.renew(found, frame.stamp_ns, lambda p: self._look_at(p, found, labels))
+        looks = self._schedule.renew(
+            found, frame.stamp_ns, lambda p: self._look_at(p, found, labels), self._threads
+        )
         detections = [_detection(p, look) for p, look in zip(found.people, looks, strict=True)]
         detections = self._persistence.renew(detections, labels, found.depth, frame.stamp_ns)
         sure = tuple(s for s in detections if s.probability >= self._tuning.keep)

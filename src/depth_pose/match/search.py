@@ -16,6 +16,7 @@ on the bank's own).
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,6 +53,7 @@ class SubspaceSearch:
         self._head = np.ascontiguousarray(np.round(head / self._steps[:, None]).astype(np.int16))
         self._slack = np.float32(0.51 * np.linalg.norm(self._steps))  # rounding errs by half a step
         self._rest_norms = np.linalg.norm(self.table[:, _HEAD:], axis=1).astype(np.float32)
+        self._lock = threading.Lock()  # of the arrays below, which every search uses
         self._bounds = np.empty(len(self.table), np.float32)
         self._best = np.empty(-(-len(self.table) // kernels.BLOCK), np.int64)
 
@@ -75,7 +77,7 @@ class SubspaceSearch:
         head[: len(point[:_HEAD])] = point[:_HEAD]
         rest_norm = np.float32(np.linalg.norm(point[_HEAD:]))
         bounds, best = self._bounds, self._best
-        # Ye et al. eq. 6: the least distances in the subspace, exactly
-        kernels.bound_distances(self._head, self._steps, self._rest_norms, head, rest_norm, bounds, best)
-        kernels.search(self.table, bounds, self._slack, best, point, distances, entries)
+        with self._lock:  # Ye et al. eq. 6: the least distances in the subspace, exactly
+            kernels.bound_distances(self._head, self._steps, self._rest_norms, head, rest_norm, bounds, best)
+            kernels.search(self.table, bounds, self._slack, best, point, distances, entries)
         return Nearest(entries, np.sqrt(distances))

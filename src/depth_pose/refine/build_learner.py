@@ -68,6 +68,11 @@ class BuildLearner:
         """
         return self._builds.take_size(shape, scale, is_given=self._config.scale > 0.0)
 
+    def keep(self, shape: Shape) -> None:
+        """Remember the shape that was learned from the most frames, for `best_known`."""
+        if shape.frames > 0 and (self._longest is None or shape.frames >= self._longest.frames):
+            self._longest = shape
+
     def learn(
         self,
         shape: Shape,
@@ -103,7 +108,4 @@ class BuildLearner:
         if standing is not None:
             depth = self._skin.measure(standing, fitted, shape.build)
             proposed = Proposed(measure_bones(standing, fitted.nodes), depth)
-        shape = self._builds.add(shape, stamp_ns, score, evidence, proposed)
-        if shape.frames > 0 and (self._longest is None or shape.frames >= self._longest.frames):
-            self._longest = shape
-        return shape
+        return self._builds.add(shape, stamp_ns, score, evidence, proposed)

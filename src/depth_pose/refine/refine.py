@@ -121,6 +121,7 @@ class Refiner:
             if (person := persons.get(match.body_id)) is not None:
                 state, fitted = self.estimate(self._states[match.body_id], person, match)
                 self._states[match.body_id] = state
+                self.builds.keep(state.shape)
                 answers.append(fitted)
         return tuple(answers)
 

@@ -1,0 +1,81 @@
+"""Threads for the people of a frame: kernels and nets release the interpreter's lock."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ContextDecorator
+from typing import TypeVar
+
+from threadpoolctl import ThreadpoolController
+
+from depth_pose.core.errors import ConfigError
+
+Given = TypeVar("Given")
+Made = TypeVar("Made")
+
+MOST_THREADS = 2
+"""Maximum number of threads: a third has no further effect with up to six people."""
+
+
+def check_threads(count: int) -> int:
+    """Return a number of threads.
+
+    Raises
+    ------
+    ConfigError
+        If it is neither 1 nor 2.
+    """
+    if isinstance(count, bool) or count not in range(1, MOST_THREADS + 1):
+        raise ConfigError(f"threads is {count!r}; it is 1 or {MOST_THREADS}")
+    return count
+
+
+class Threads:
+    """Calls a function for several arguments, in threads if there are several of both.
+
+    Parameters
+    ----------
+    count : int
+        Number of threads; with 1 the caller's is used.
+    """
+
+    def __init__(self, count: int = 1) -> None:
+        self._pool = ThreadPoolExecutor(count, "depth_pose") if count > 1 else None
+
+    def map(self, function: Callable[[Given], Made], arguments: Iterable[Given]) -> list[Made]:
+        """Return the function's values in the order of the arguments; raise the first one's error."""
+        given = list(arguments)
+        if self._pool is None or len(given) < 2:
+            return [function(one) for one in given]
+        return list(self._pool.map(function, given))
+
+
+ONE_THREAD = Threads()
+
+
+class _OneThreadEach(ContextDecorator):
+    """Limit linear algebra to one thread as long as any thread is within the context."""
+
+    def __init__(self) -> None:
+        self._libraries: ThreadpoolController | None = None
+        self._lock, self._within = threading.Lock(), 0
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if self._libraries is None:  # it knows the libraries that are loaded by now
+                self._libraries = ThreadpoolController()
+            if self._within == 0:
+                self._limits = self._libraries.limit(limits=1)
+            self._within += 1
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._within -= 1
+            if self._within == 0:
+                self._limits.restore_original_limits()
+
+
+one_thread_each = _OneThreadEach()
+"""Small systems gain nothing from more threads, and one keeps the order of sums."""
