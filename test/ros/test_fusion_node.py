@@ -171,7 +171,8 @@ def test_two_cameras_one_room(peer, start, rig_path):
     cameras.told.clear()
     cameras.play(lambda: any(len(m.status) == 3 for m in cameras.told), what="diagnostics")
     of = {s.name: s for m in cameras.told for s in m.status}
-    assert of["/depth_pose/fusion"].message == "cam_b was moved"
+    # what else is wrong may follow: in time its place in the rig is doubted, too
+    assert of["/depth_pose/fusion"].message.split(", ")[0] == "cam_b was moved"
     values = {v.key: float(v.value) for v in of["/depth_pose/fusion: cam_b"].values}
     assert values["residual_m"] > 0.3 and values["rate_hz"] == pytest.approx(
         1e9 / (EVERY[1] * PERIOD_NS), rel=0.1
