@@ -143,10 +143,15 @@ def main() -> None:
     columns = "mm | within 10 cm | false | ms |"
     print(f"| | value | {columns} {columns}\n|{'---|' * 10}")
 
+    def change(pipeline: PosePipeline, *, whole: bool) -> str:
+        try:
+            mm, share, false, ms = run(pipeline, clips, whole=whole) - base[whole]
+        except IndexError:
+            return "an index | | |"  # no quantity, but the place of one
+        return f"{mm:+.1f} | {share:+.3f} | {false:+.0f} | {ms:+.1f}"
+
     def report(name: str, value: float, changing: Iterator[PosePipeline]) -> None:
-        whole = name.startswith(FIRST)
-        rows = np.array([run(pipeline, clips, whole=whole) for pipeline in changing]) - base[whole]
-        told = [f"{mm:+.1f} | {share:+.3f} | {false:+.0f} | {ms:+.1f}" for mm, share, false, ms in rows]
+        told = [change(pipeline, whole=name.startswith(FIRST)) for pipeline in changing]
         print(f"| {name} | {value:g} | {' | '.join(told)} |", flush=True)
 
     def is_asked(name: str) -> bool:
