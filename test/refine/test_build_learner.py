@@ -68,7 +68,7 @@ def test_the_best_known_is_of_whom_most_was_seen(space, seen):
     learner = learner_of(space)
     assert learner.best_known() is None
     for first, frames in ((0, 3), (3, 8), (11, 2)):
-        follow(learner, seen, Shape(), first, frames)
+        learner.keep(follow(learner, seen, Shape(), first, frames))
     assert learner.best_known().frames == 8
     learner.reset()
     assert learner.best_known() is None
