@@ -134,7 +134,7 @@ def _check_stamp(stamp_ns: int) -> None:
 def process_recording(
     reader: Reader,
     output: Path | str,
-    pipeline: Method | TwoStageMethod,
+    pipeline: Method,
     progress: Callable[[int], None] | None = None,
     note: Callable[[RunSummary], Mapping[str, str]] | None = None,
     *,
@@ -154,7 +154,7 @@ def process_recording(
         The recording's frames.
     output : Path or str
         The recording of skeletons; it appears once it is complete.
-    pipeline : Method or TwoStageMethod
+    pipeline : Method
         The method; its temporal state is reset first.
     progress : callable, optional
         Called with the number of frames done; with a second pass each counts twice.
@@ -290,7 +290,7 @@ class _Answers:
     def __init__(
         self,
         reader: Reader,
-        method: Method | TwoStageMethod,
+        method: Method,
         progress: Callable[[int], None] | None,
         *,
         is_ahead: bool,

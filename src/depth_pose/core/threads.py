@@ -16,7 +16,7 @@ Given = TypeVar("Given")
 Made = TypeVar("Made")
 
 MOST_THREADS = 2
-"""Maximum number of threads: a third has no further effect with up to six people."""
+"""Maximum number of threads. More were not measured."""
 
 
 def check_threads(count: int) -> int:

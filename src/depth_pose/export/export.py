@@ -197,9 +197,11 @@ class _FloorChoice:
 
     @property
     def needs_feet(self) -> bool:
+        """Whether no floor was recorded, so that the feet of the whole recording must be known."""
         return recorded_floor(self.skeletons) is None
 
     def find(self, people: Sequence[Track]) -> Floor:
+        """Find the floor, as `find_floor`."""
         return find_floor(people, self.skeletons, self.recording, self.depth_topic)
 
 
