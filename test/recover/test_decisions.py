@@ -6,7 +6,7 @@ import pytest
 
 from depth_pose.body.pose import Fitted
 from depth_pose.recover.failure import KINDS, Failure, Verdict, judge
-from depth_pose.recover.published import is_published, renew_disagreement
+from depth_pose.recover.published import is_published, renew_distance
 from depth_pose.track.state import Answer, Evidence
 
 FIT = Fitted.lost(0, "body_1")
@@ -70,9 +70,9 @@ def test_who_is_published(probability, was_published, is_refused, published) -> 
     assert is_published(probability, was_published, is_refused, least=0.5) == published
 
 
-def test_disagreement_is_a_running_mean() -> None:
-    evidence = Evidence(disagreement=renew_disagreement(Evidence(), 0.8))
-    assert evidence.disagreement == 0.8
+def test_pose_distance_is_a_running_mean() -> None:
+    evidence = Evidence(pose_distance=renew_distance(Evidence(), 1.3))
+    assert evidence.pose_distance == 1.3
     for _ in range(40):
-        evidence = Evidence(disagreement=renew_disagreement(evidence, 0.2))
-    assert evidence.disagreement == pytest.approx(0.2, abs=1e-3)
+        evidence = Evidence(pose_distance=renew_distance(evidence, 0.9))
+    assert evidence.pose_distance == pytest.approx(0.9, abs=1e-3)

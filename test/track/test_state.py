@@ -47,7 +47,7 @@ def marked(mark: float) -> PersonState:
     return PersonState(
         answer=Answer(good_points=round(10 * mark)),
         shape=Shape(scale=mark),
-        evidence=Evidence(disagreement=mark),
+        evidence=Evidence(pose_distance=mark),
     )
 
 

@@ -41,7 +41,7 @@ _NEAR_M = 0.4
 _ASKED, _IGNORED = 0.3, 0.05
 """Visible share from which somebody is asked for, and below which nobody is."""
 _SIGNS, _SIGNS_FITTED = (0, 1, 1, 1, 1, 0, -1), (0, 1, -1)
-"""Signs that weights must have: detections, way and time speak for a person, deviations and disagreement
+"""Signs that weights must have: detections, way and time speak for a person, deviations and unusual poses
 against one."""
 _STEPS, _RIDGE = 40, 1.0
 """Newton steps, and ridge on all weights but the constant."""
@@ -54,10 +54,10 @@ app = typer.Typer(add_completion=False)
 
 
 class Rows(NamedTuple):
-    """Tracks in frames, (N,) or (N, 7): terms, disagreement, whether a person, clip, its sensor and kind."""
+    """Tracks in frames, (N,) or (N, 7): terms, distance of poses, truth, clip, its sensor and kind."""
 
     terms: NDArray[np.float64]
-    disagreement: NDArray[np.float64]
+    pose_distance: NDArray[np.float64]
     is_person: NDArray[np.bool_]
     clip: NDArray[np.int64]
     family: NDArray[np.str_]
@@ -75,7 +75,7 @@ class Rows(NamedTuple):
 
 
 def collect(pipeline: PosePipeline, clip: RoomClip) -> list[tuple[NDArray[np.float64], float, bool]]:
-    """Run one clip; return terms, disagreement and truth of each track in each frame."""
+    """Run one clip; return terms, distance of poses and truth of each track in each frame."""
     pipeline.reset()
     rows = []
     for t, stamp in enumerate(clip.stamps_ns):
@@ -87,10 +87,10 @@ def collect(pipeline: PosePipeline, clip: RoomClip) -> list[tuple[NDArray[np.flo
             assert measured is not None, "the joint net measures everybody"
             away = np.linalg.norm(torsos - measured.places[_TORSO].mean(axis=0), axis=1)
             near = visible[away < _NEAR_M].max(initial=0.0)
-            disagreement = pipeline.states[person.body_id].evidence.disagreement
-            if _IGNORED < near < _ASKED or disagreement is None:
+            pose_distance = pipeline.states[person.body_id].evidence.pose_distance
+            if _IGNORED < near < _ASKED or pose_distance is None:
                 continue
-            rows.append((evidence[person.body_id].terms(), disagreement, bool(near >= _ASKED)))
+            rows.append((evidence[person.body_id].terms(), pose_distance, bool(near >= _ASKED)))
     return rows
 
 
@@ -130,7 +130,7 @@ def _fit_freely(x: NDArray[np.float64], is_person: NDArray[np.bool_]) -> NDArray
 def report(odds: PersonOdds, rows: Rows) -> None:
     """Print how often what is called a person is one."""
     before = rows.terms @ odds.track
-    p = logistic(np.column_stack([np.ones(len(before)), before, rows.disagreement]) @ odds.fitted)
+    p = logistic(np.column_stack([np.ones(len(before)), before, rows.pose_distance]) @ odds.fitted)
     for group in (*HOME_FAMILIES, *dict.fromkeys(_KINDS), "all"):
         at = (rows.family == group) | (rows.kind == group) | (group == "all")
         if not at.any():
@@ -183,7 +183,7 @@ def fit_odds(
     apart = rows.clip // (len(HOME_FAMILIES) * len(_KINDS)) % 4 == 3
     taught = rows.at(~apart)
     weights = fit(taught.terms, taught.is_person, _SIGNS)
-    after = np.column_stack([np.ones(len(taught.terms)), taught.terms @ weights, taught.disagreement])
+    after = np.column_stack([np.ones(len(taught.terms)), taught.terms @ weights, taught.pose_distance])
     odds = PersonOdds(weights, fit(after, taught.is_person, _SIGNS_FITTED))
     for name, at in (("fitted on", ~apart), ("others", apart)):
         print(name)

@@ -5,8 +5,10 @@ from __future__ import annotations
 from depth_pose.track.state import Evidence
 
 _FRAME_SHARE = 0.25
-"""Share of each frame in the mean disagreement of the fits."""
+"""Share of each frame in the mean distance of fitted poses."""
 
+_FARTHEST = 1.6
+"""Pose distance (standard deviations) from which a frame says no more: one bad fit hides nobody."""
 
 _SURE = 0.75
 """Person probability from which somebody is published even if the fit is refused."""
@@ -34,8 +36,9 @@ def is_published(probability: float, was_published: bool, is_refused: bool, leas
     return probability >= (_STAYS * least if was_published else least)
 
 
-def renew_disagreement(evidence: Evidence, disagreement: float) -> float:
-    """Update the mean disagreement of a person's fits with the depth image."""
-    if evidence.disagreement is None:
-        return disagreement
-    return evidence.disagreement + _FRAME_SHARE * (disagreement - evidence.disagreement)
+def renew_distance(evidence: Evidence, pose_distance: float) -> float:
+    """Update the mean distance of a person's fitted poses from the bank's."""
+    pose_distance = min(pose_distance, _FARTHEST)
+    if evidence.pose_distance is None:
+        return pose_distance
+    return evidence.pose_distance + _FRAME_SHARE * (pose_distance - evidence.pose_distance)

@@ -29,7 +29,7 @@ from depth_pose.core.result import Skeleton
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import Source
 from depth_pose.recover.failure import KINDS, Failure, FailureCheck, Verdict, judge, limit_excess
-from depth_pose.recover.published import is_published, renew_disagreement
+from depth_pose.recover.published import is_published, renew_distance
 from depth_pose.recover.report import to_skeleton
 from depth_pose.recover.smooth import low_pass, with_motion
 from depth_pose.recover.tuning import RecoverTuning
@@ -165,8 +165,8 @@ class Recoverer:
         answer, is_refused = accepted or fitted, accepted is None
         if answer.is_lost:
             return state.lost(), None
-        disagreement = renew_disagreement(state.evidence, answer.score)
-        probability = self._odds.after_fit(person.found.probability, disagreement)
+        distance = renew_distance(state.evidence, self._objective.pose_distance(answer))
+        probability = self._odds.after_fit(person.found.probability, distance)
         is_shown = is_published(
             probability, state.evidence.is_published, is_refused, self.config.min_probability
         )
@@ -177,7 +177,7 @@ class Recoverer:
         before = state.filter
         filtered = low_pass(before, skeleton.positions, person.stamp_ns, self._smooth)
         known = state.answer._replace(last=answer, seen=person)
-        state = state._replace(answer=known, filter=filtered, evidence=Evidence(disagreement, is_shown))
+        state = state._replace(answer=known, filter=filtered, evidence=Evidence(distance, is_shown))
         return state, with_motion(skeleton, before, filtered) if is_shown else None
 
     def _accept(

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
-from depth_pose.body.pose import FittedBody
+from depth_pose.body.pose import Fitted, FittedBody
 from depth_pose.body.rendered_depth import Comparison
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINT_NODES, Nodes
@@ -104,6 +104,10 @@ class Objective:
         odd = open_share * self._prior.excess(body.nodes, body.pose.scale)
         total = seen.score + self._weights.away * away + self._weights.odd * odd
         return Score(total, seen.score, seen.gap, away, odd)
+
+    def pose_distance(self, fitted: Fitted) -> float:
+        """Compute the distance of a fitted pose from the bank's mean, in standard deviations."""
+        return self._prior.distance(fitted.nodes, fitted.pose.scale)
 
     def score_views(
         self, persons: Sequence[PersonView], bodies: Sequence[FittedBody], shares: NDArray[np.float64]

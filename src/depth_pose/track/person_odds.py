@@ -7,9 +7,11 @@ A logistic regression, in two steps. Before the fit, a track's log-odds are
 with the discounted mean :math:`\bar l` of the logits of its detections (finder and joint net) and the last
 of them :math:`l`; the way :math:`m` that it has come in the room, up to 1 m, which counts while the camera
 stands still; the time :math:`t` on track, s; its distance :math:`z`, m; and the mean deviation
-:math:`\sigma` of its measured joints, m, which tells sensors apart. After the fit they are
-:math:`v^T (1, L, \bar d)` with the mean disagreement :math:`\bar d` of the fitted body with the depth image.
-Detections of a thing that stands still repeat one error, so their logits are averaged, not summed.
+:math:`\sigma` of its measured joints, m, which tells sensors apart, averaged as the logits are. After the fit
+they are :math:`v^T (1, L, \bar o)` with the mean distance :math:`\bar o` of the fitted poses from the bank's:
+a body that is fitted to a pet or to furniture takes an unusual pose. Beside it, the disagreement of the body
+with the depth image says no more. Detections of a thing that stands still repeat one error, so their logits
+are averaged, not summed.
 
 ``tools/people_finder/fit_person_odds.py`` fits both to tracks in simulated homes.
 """
@@ -17,6 +19,7 @@ Detections of a thing that stands still repeat one error, so their logits are av
 from __future__ import annotations
 
 import json
+import math
 from functools import cache
 from typing import NamedTuple
 
@@ -54,8 +57,8 @@ class TrackEvidence(NamedTuple):
         Time on track.
     distance : float
         From the camera, metres.
-    sigma : float
-        Mean deviation of its measured joints, metres.
+    deviations : float
+        Discounted sum of the logarithms of its measured joints' mean deviation, metres.
     """
 
     total: float = 0.0
@@ -64,7 +67,7 @@ class TrackEvidence(NamedTuple):
     way_m: float = 0.0
     seconds: float = 0.0
     distance: float = 1.0
-    sigma: float = _NO_SIGMA_M
+    deviations: float = 0.0
 
     def seen(
         self, logit: float, seconds: float, way_m: float, distance: float, sigma: float | None
@@ -72,6 +75,7 @@ class TrackEvidence(NamedTuple):
         """Return the evidence with one more detection, ``seconds`` after the last."""
         kept = 0.5 ** (seconds / _HALF_LIFE_S)
         logit = min(max(logit, _LEAST_LOGIT), _MOST_LOGIT)
+        deviation = self._log_deviation() if sigma is None else math.log(max(sigma, 1e-3))
         return TrackEvidence(
             total=kept * self.total + logit,
             weight=kept * self.weight + 1.0,
@@ -79,7 +83,7 @@ class TrackEvidence(NamedTuple):
             way_m=max(self.way_m, way_m),
             seconds=self.seconds + seconds,
             distance=distance,
-            sigma=self.sigma if sigma is None else sigma,
+            deviations=kept * self.deviations + deviation,
         )
 
     def joined(self, other: TrackEvidence) -> TrackEvidence:
@@ -87,6 +91,7 @@ class TrackEvidence(NamedTuple):
         return self._replace(
             total=self.total + other.total,
             weight=self.weight + other.weight,
+            deviations=self.deviations + other.deviations,
             way_m=max(self.way_m, other.way_m),
             seconds=self.seconds + other.seconds,
         )
@@ -102,9 +107,12 @@ class TrackEvidence(NamedTuple):
                 min(self.way_m, _FAR_ENOUGH_M),
                 np.log1p(self.seconds),
                 np.log(max(self.distance, 0.1)),
-                np.log(max(self.sigma, 1e-3)),
+                self._log_deviation(),
             ]
         )
+
+    def _log_deviation(self) -> float:
+        return self.deviations / self.weight if self.weight else math.log(_NO_SIGMA_M)
 
 
 class PersonOdds(NamedTuple):
@@ -115,7 +123,7 @@ class PersonOdds(NamedTuple):
     track : (7,) float64
         Of `TrackEvidence.terms`.
     fitted : (3,) float64
-        Of 1, the log-odds before the fit, and the mean disagreement of fitted bodies.
+        Of 1, the log-odds before the fit, and the mean distance of fitted poses.
     """
 
     track: NDArray[np.float64]
@@ -132,7 +140,7 @@ class PersonOdds(NamedTuple):
         """Compute the probability that a track is a person, 0 to 1."""
         return logistic(float(self.track @ evidence.terms()))
 
-    def after_fit(self, probability: float, disagreement: float) -> float:
-        """Compute it once bodies were fitted, with their mean disagreement, 0 to 1."""
+    def after_fit(self, probability: float, pose_distance: float) -> float:
+        """Compute it once bodies were fitted, with their poses' mean distance from the bank's, 0 to 1."""
         p = min(max(probability, 1e-6), 1.0 - 1e-6)
-        return logistic(float(self.fitted @ [1.0, np.log(p / (1.0 - p)), disagreement]))
+        return logistic(float(self.fitted @ [1.0, math.log(p / (1.0 - p)), pose_distance]))

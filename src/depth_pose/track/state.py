@@ -168,13 +168,14 @@ class Evidence(NamedTuple):
 
     Attributes
     ----------
-    disagreement : float or None
-        Running mean of the fits' disagreement with the depth image, 0 to 1; None before the first.
+    pose_distance : float or None
+        Running mean of the distance of fitted poses from the bank's mean, standard deviations
+        (`depth_pose.refine.pose_prior`); None before the first.
     is_published : bool
         Whether the person was published in the last frame.
     """
 
-    disagreement: float | None = None
+    pose_distance: float | None = None
     is_published: bool = False
 
 
