@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from depth_pose.core.rotations import rotation_y
 from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.sim._meshes import join
-from depth_pose.sim.furniture import make_bed, make_chair, make_stool, make_table
+from depth_pose.sim.furniture import make_bed, make_chair, make_desk, make_stool, make_table
 from depth_pose.sim.furniture.aids import make_crutch, make_walker, make_wheelchair
 from depth_pose.sim.people import Figure, sample_figure
 from depth_pose.sim.reliefs import CELL_M, Plane, cover, press, with_sides
@@ -29,8 +29,8 @@ SEATS = {"chair": 0.34, "stool": 0.07, "sofa": 0.38, "edge of a bed": 0.08, "whe
 
 _BLANKETS, _LAP_BLANKETS, _FLOOR_BLANKETS, _COUCHES = 0.65, 0.15, 0.3, 0.2
 """Shares of people in bed, on sofas and on the floor with a cover, and of beds with a back."""
-_DESKS = 0.4
-"""Share of people on chairs and wheelchairs who sit at a table."""
+_DESKS, _LADEN = 0.4, 0.4
+"""Share of people on chairs and wheelchairs who sit at a table, and of these at a laden desk."""
 _SMALL_M, _CARRIED_M = 1.3, (0.6, 0.95)
 """Statures, metres: maximum of the children from which carried ones are scaled, and range of carried ones."""
 _HALF_TRUNK_M = 0.14
@@ -249,7 +249,8 @@ def _on_seat(figure: Figure, rng: np.random.Generator, what: str) -> Settled:
         seat = make_stool(rng, high) if what == "stool" else make_chair(rng, high, plain=True)
     if rng.random() > _DESKS:
         return Settled(figure, (seat,))
-    desk, turned = make_table(rng, max(0.62, high + 0.27)), Assembly(Kind.TABLE)
+    make = make_desk if rng.random() < _LADEN else make_table
+    desk, turned = make(rng, max(0.62, high + 0.27)), Assembly(Kind.TABLE)
     away = -float(desk.bounds()[0][2]) + rng.uniform(0.22, 0.4)
     turned.add(desk, 0.0, 0.0, away, np.pi)
     return Settled(figure, (seat, turned), away)

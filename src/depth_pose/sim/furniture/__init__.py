@@ -22,12 +22,12 @@ from depth_pose.sim.furniture.fixtures import (
     make_shelf,
 )
 from depth_pose.sim.furniture.seats import make_bed, make_chair, make_sofa, make_stool
-from depth_pose.sim.furniture.tables import make_table
+from depth_pose.sim.furniture.tables import make_desk, make_table
 from depth_pose.sim.shapes import Assembly
 
 __all__ = [
-    "AT_WALLS", "STANDING", "make_bed", "make_board", "make_chair", "make_coats", "make_pet", "make_pillar",
-    "make_plant", "make_shelf", "make_sofa", "make_stool", "make_table", "make_wheelchair",
+    "AT_WALLS", "STANDING", "make_bed", "make_board", "make_chair", "make_coats", "make_desk", "make_pet",
+    "make_pillar", "make_plant", "make_shelf", "make_sofa", "make_stool", "make_table", "make_wheelchair",
 ]  # fmt: skip
 
 STANDING: tuple[tuple[Callable[[np.random.Generator], Assembly], float], ...] = (

@@ -31,6 +31,31 @@ def make_table(rng: np.random.Generator, height: float | None = None) -> Assembl
     return thing
 
 
+def make_desk(rng: np.random.Generator, height: float) -> Assembly:
+    """Make a desk on which much stands, seen from behind it: screens, piles, boxes, perhaps a partition."""
+    thing = Assembly(Kind.TABLE, random_albedo(rng))
+    wide, deep, top = rng.uniform(1.1, 2.0), rng.uniform(0.6, 0.9), height
+    thing.box((0, top - 0.015, 0), (wide, 0.03, deep))
+    for x in (-1, 1):
+        thing.box((x * (wide / 2 - 0.02), top / 2, 0), (0.04, top, deep * rng.uniform(0.1, 0.95)))
+    if rng.random() < 0.6:
+        panel = top * rng.uniform(0.4, 1.0)
+        thing.box((0, top - panel / 2, -deep / 2 + 0.03), (wide, panel, 0.02))
+    if rng.random() < 0.25:
+        tall = rng.uniform(0.2, 0.5)
+        thing.box((0, top + tall / 2, -deep / 2), (wide, tall, 0.03), 0.0, 0.0, None, random_albedo(rng))
+    screens = int(rng.integers(1, 4))
+    for x in np.linspace(-0.5, 0.5, screens + 2)[1:-1] * wide:
+        thing.add(make_monitor(rng), x + rng.normal(0, 0.05), top, -deep * 0.3, rng.normal(0, 0.3))
+    for _ in range(int(rng.integers(2, 7))):
+        size = rng.uniform((0.1, 0.08, 0.1), (0.45, 0.45, 0.4))
+        spot = (rng.uniform(-0.45, 0.45) * wide, top + size[1] / 2, rng.uniform(-0.45, 0.1) * deep)
+        thing.box(spot, size, rng.normal(0, 0.3), 0.0, Kind.CLUTTER, random_albedo(rng))
+    for _ in range(int(rng.integers(3, 10))):
+        add_clutter(thing, rng, rng.uniform(-0.47, 0.47) * wide, top, rng.uniform(-0.45, 0.2) * deep)
+    return thing
+
+
 def _put_things(thing: Assembly, rng: np.random.Generator, top: float, wide: float, deep: float) -> None:
     """Lay monitors, keyboards, boxes, bottles and heaps on a table's top."""
     if rng.random() < 0.55:
