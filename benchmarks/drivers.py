@@ -50,6 +50,7 @@ def listen() -> dict[str, str]:
     """Return a dictionary that is updated with the denoise node's latest ``/diagnostics``."""
     import rclpy
     from diagnostic_msgs.msg import DiagnosticArray
+    from parts.background_spin import spin_in_background
 
     told: dict[str, str] = {}
 
@@ -60,7 +61,7 @@ def listen() -> dict[str, str]:
     rclpy.init(args=[])
     node = rclpy.create_node("bench")
     node.create_subscription(DiagnosticArray, "/diagnostics", take, 10)
-    threading.Thread(target=rclpy.spin, args=(node,), daemon=True).start()
+    spin_in_background(node)
     return told
 
 

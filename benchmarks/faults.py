@@ -90,6 +90,7 @@ class Stream:
     def __init__(self, frames: Sequence[tuple[Any, Any]]) -> None:
         import rclpy
         from depth_pose_msgs.msg import Skeleton
+        from parts.background_spin import spin_in_background
         from rclpy.qos import QoSProfile, qos_profile_sensor_data
         from sensor_msgs.msg import CameraInfo, Image
 
@@ -100,20 +101,19 @@ class Stream:
         node.create_subscription(Skeleton, "/depth_pose/skeleton", self._take, QoSProfile(depth=100))
         self._frames = itertools.cycle(frames)
         self.came_s: list[float] = []
-        threading.Thread(target=rclpy.spin, args=(node,), daemon=True).start()
-        threading.Thread(target=self._send, daemon=True).start()
+        node.create_timer(1.0 / FPS, self._send)
+        spin_in_background(node)
 
     def _take(self, skeleton: Any) -> None:
         if skeleton.source != skeleton.LOST:
             self.came_s.append(time.monotonic())
 
     def _send(self) -> None:
-        for image, info in self._frames:
-            image.header.stamp.sec, image.header.stamp.nanosec = divmod(time.time_ns(), 1_000_000_000)
-            info.header.stamp = image.header.stamp
-            self._infos.publish(info)
-            self._images.publish(image)
-            time.sleep(1.0 / FPS)
+        image, info = next(self._frames)
+        image.header.stamp.sec, image.header.stamp.nanosec = divmod(time.time_ns(), 1_000_000_000)
+        info.header.stamp = image.header.stamp
+        self._infos.publish(info)
+        self._images.publish(image)
 
     def gap_s(self, since_s: float) -> float:
         """Return the longest time without a skeleton after a given moment."""

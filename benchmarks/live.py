@@ -17,7 +17,6 @@ import argparse
 import os
 import random
 import statistics
-import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -100,6 +99,7 @@ class Bench:
     def __init__(self, frames: Sequence[DepthFrame]) -> None:
         import rclpy
         from depth_pose_msgs.msg import Skeleton
+        from parts.background_spin import spin_in_background
         from rclpy.qos import QoSProfile, ReliabilityPolicy
         from sensor_msgs.msg import CameraInfo, Image
 
@@ -113,12 +113,7 @@ class Bench:
         self._messages = messages + messages[-2:0:-1]
         self._run: Run | None = None
         self._last_s = 0.0
-        threading.Thread(target=self._spin, daemon=True).start()
-
-    def _spin(self) -> None:
-        import rclpy
-
-        rclpy.spin(self._node)
+        spin_in_background(self._node)
 
     def wait(self, timeout_s: float = 30.0) -> None:
         """Wait until the nodes listen."""

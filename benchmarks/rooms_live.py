@@ -6,7 +6,7 @@
 The recordings are those of ``depth-pose simulate --room --cameras 2 -o rooms/pair1.mcap``. ``live`` starts
 a suite for each camera and the fusion node, and plays the frames at their own times with present stamps. It
 prints the latency from the stamp of the depth image to the room's skeletons, the share of frames that each
-suite answers, the errors, and what the loss and the return of the last camera does.
+suite answers, the errors, each person's ids, and the effect of the loss and the return of the last camera.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from __future__ import annotations
 import argparse
 import os
 import random
-import threading
 import time
 from collections import Counter
 from collections.abc import Sequence
@@ -56,6 +55,7 @@ class Room:
         import rclpy
         from depth_pose_msgs.msg import SkeletonArray
         from live import messages_of
+        from parts.background_spin import spin_in_background
         from rclpy.qos import QoSProfile, ReliabilityPolicy
         from sensor_msgs.msg import CameraInfo, Image
 
@@ -86,7 +86,7 @@ class Room:
         self._node.create_subscription(
             SkeletonArray, "/depth_pose/room/skeletons", self.room.take, QoSProfile(depth=100)
         )
-        threading.Thread(target=lambda: rclpy.spin(self._node), daemon=True).start()
+        spin_in_background(self._node)
 
     def wait(self) -> None:
         """Wait until every suite listens."""
@@ -122,7 +122,7 @@ class Room:
 
 def live(name: Path, seconds: float, loss: tuple[float, float]) -> None:
     """Run the suites and the fusion node, and print what was measured."""
-    from parts.rooms_merged import Truth, joint_errors
+    from parts.rooms_merged import Truth, ids_of_people, joint_errors
 
     from depth_pose.ros.messages.skeletons import msg_to_skeleton
     from depth_pose.ros.process.supervisor import Suite
@@ -166,17 +166,28 @@ def live(name: Path, seconds: float, loss: tuple[float, float]) -> None:
         ("and returned", back_s + 1.5, np.inf),
     ):
         heard = room.room.between(begin, end)
+        if not heard:  # the recording ends before
+            continue
         answers = {m[0] - begin_ns: [msg_to_skeleton(s) for s in m[2]] for m in heard}
         errors, seen = joint_errors(truth, answers)
         counts = Counter(len(m[2]) for m in heard)
         cells = [errors.mean(), errors[seen[:, 0]].mean(), errors[~seen[:, 0]].mean()]
         print(f"| {label} | " + " | ".join(f"{1e3 * c:.0f} mm" for c in cells) + f" | {dict(counts)} |")
-    ids = {s.body_id for m in room.room.messages for s in m[2]}
-    print(f"\nids in the room: {', '.join(sorted(ids))}")
+    answers = {m[0] - begin_ns: [msg_to_skeleton(s) for s in m[2]] for m in room.room.messages}
+    own, others = ids_of_people(truth, answers)
+    print(f"\n{len(answers)} messages of the room")
+    for p, ids in enumerate(own):
+        print(f"person {p + 1} has {_counted(ids)}")
+    print(f"nobody there: {_counted(others)}")
     for at, line in lines:
         if "WARN" in line and at > first_s:
             words = line.rsplit("]: ", 1)[-1]
             print(f"{at - lost_s:+.2f} s from the loss, {at - back_s:+.2f} s from the return: {words}")
+
+
+def _counted(ids: Sequence[str]) -> str:
+    counts = Counter(ids).most_common()
+    return ", ".join(f"{name} in {count} messages" for name, count in counts) or "no id"
 
 
 def _row(

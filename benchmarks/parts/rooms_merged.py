@@ -9,7 +9,7 @@ camera 0 sees and of those hidden from it, over the people whom it finds.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -63,16 +63,38 @@ def joint_errors(truth: Truth, answers: Mapping[int, Sequence[Skeleton]]) -> tup
     """Return the errors (F, 19), metres, of the people found, and by how many cameras joints are seen."""
     errors, seen = [np.zeros((0, 19))], [np.zeros((0, len(truth.seen_by), 19), bool)]
     for stamp_ns, skeletons in answers.items():
-        joints, seen_by, _ = truth.at(stamp_ns)
-        if not skeletons:
-            continue
-        distances = np.linalg.norm(joints[:, None] - np.stack([s.positions for s in skeletons]), axis=-1)
-        mean = distances.mean(axis=-1)
-        for p, s in zip(*linear_sum_assignment(mean), strict=True):
-            if mean[p, s] <= REACH_M:
-                errors.append(distances[p, s][None])
-                seen.append(seen_by[None, :, p])
+        seen_by = truth.at(stamp_ns)[1]
+        for p, _, distances in _pairs(truth, stamp_ns, skeletons):
+            errors.append(distances[None])
+            seen.append(seen_by[None, :, p])
     return np.concatenate(errors), np.concatenate(seen)
+
+
+def ids_of_people(
+    truth: Truth, answers: Mapping[int, Sequence[Skeleton]]
+) -> tuple[list[list[str]], list[str]]:
+    """Return the ids that each true person had, message by message, and those of skeletons without one."""
+    people: list[list[str]] = [[] for _ in range(truth.joints.shape[1])]
+    others: list[str] = []
+    for stamp_ns, skeletons in answers.items():
+        pairs = {s: p for p, s, _ in _pairs(truth, stamp_ns, skeletons)}
+        for s, skeleton in enumerate(skeletons):
+            (people[pairs[s]] if s in pairs else others).append(skeleton.body_id)
+    return people, others
+
+
+def _pairs(
+    truth: Truth, stamp_ns: int, skeletons: Sequence[Skeleton]
+) -> Iterator[tuple[int, int, np.ndarray]]:
+    """Yield the matched person, skeleton, and distances of the joints (19,), metres."""
+    if not skeletons:
+        return
+    joints = truth.at(stamp_ns)[0]
+    distances = np.linalg.norm(joints[:, None] - np.stack([s.positions for s in skeletons]), axis=-1)
+    mean = distances.mean(axis=-1)
+    for p, s in zip(*linear_sum_assignment(mean), strict=True):
+        if mean[p, s] <= REACH_M:
+            yield int(p), int(s), distances[p, s]
 
 
 def people_score(truth: Truth, answers: Mapping[int, Sequence[Skeleton]]):
