@@ -200,6 +200,30 @@ def test_the_unit_of_realsense_is_taken_from_its_recording(tmp_path: Path) -> No
     np.testing.assert_allclose(frame.depth, depth_mm(0) * 0.00025, rtol=1e-6)
 
 
+@pytest.mark.parametrize("is_packed", [False, True])
+def test_a_calibration_that_realsense_writes_as_text_is_named_with_the_cure(
+    tmp_path: Path, is_packed: bool
+) -> None:
+    """As its SDK records .db3 files since 2026; each message may be packed, without metadata.yaml."""
+    names = {IMAGE: "/device_0/sensor_0/Depth_0/image/data", INFO: "/device_0/sensor_0/Depth_0/camera_info"}
+    text = "std_msgs/msg/String"
+    mode = CompressionMode.MESSAGE if is_packed else CompressionMode.NONE
+    writer = Writer2(tmp_path / "a", version=9, storage_plugin=StoragePlugin.SQLITE3)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
+        topics = {
+            IMAGE: writer.add_connection(names[IMAGE], schemas.IMAGE, typestore=JAZZY),
+            INFO: writer.add_connection(names[INFO], text, typestore=JAZZY),
+        }
+        for topic, _, ns, data in messages(2):
+            if topic == INFO:
+                data = JAZZY.serialize_cdr(JAZZY.types[text]("width=64;height=48;fx=60;ppx=31.5"), text)
+            writer.write(topics[topic], ns, data)
+    path = next((tmp_path / "a").glob("*.db3")).rename(tmp_path / "a.db3")
+    with pytest.raises(InputError, match=f"^{path}: {names[INFO]} is a {text}.*realsense2_camera"):
+        DepthReader(path)
+
+
 def test_a_ros1_bag_that_was_not_closed_says_what_to_do(tmp_path: Path) -> None:
     path = _rosbag1(tmp_path / "a.bag")
     data = bytearray(path.read_bytes())

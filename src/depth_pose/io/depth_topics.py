@@ -6,6 +6,7 @@ clouds.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -22,6 +23,8 @@ _OWN_TOPICS = "/depth_pose/"
 _MOST_TOPICS = 20
 """Maximum number of topics listed in an error; set by hand."""
 _ZSTD = b"\x28\xb5\x2f\xfd"
+_REALSENSE_TEXT = re.compile(r"/device_\d+/sensor_\d+/Depth_\d+/(info/)?camera_info")
+"""CameraInfo topics of RealSense's SDK, which some of its versions write as text."""
 
 
 @dataclass(frozen=True)
@@ -119,6 +122,7 @@ def choose_depth_topic(recording: Recording, wanted: str | None) -> DepthTopic:
         raise InputError(
             f"{recording.path} has {len(topics)} depth topics: {names}; choose one with --depth-topic TOPIC"
         )
+    _refuse_realsense_text(recording)
     raise InputError(f"{recording.path} has no depth image or point cloud; {describe_topics(recording)}")
 
 
@@ -139,12 +143,24 @@ def _named_topic(recording: Recording, name: str) -> DepthTopic:
 
 def _with_info(recording: Recording, topic: DepthTopic) -> DepthTopic:
     if topic.kind != schemas.POINT_CLOUD and not topic.info_topic:
+        _refuse_realsense_text(recording)
         beside = topic.name.rpartition("/")[0] + "/camera_info"
         raise InputError(
             f"{recording.path}: {topic.name} has no CameraInfo; record {beside} with it "
             f"({describe_topics(recording)})"
         )
     return topic
+
+
+def _refuse_realsense_text(recording: Recording) -> None:
+    """Raise InputError where RealSense's SDK wrote a calibration as text: its format is not documented."""
+    for topic in recording.topics.values():
+        if _REALSENSE_TEXT.fullmatch(topic.name) and topic.kind != schemas.CAMERA_INFO:
+            raise InputError(
+                f"{recording.path}: {topic.name} is a {topic.kind}, as the RealSense SDK writes some .db3 "
+                f"files, and not a {schemas.CAMERA_INFO}: record the topics of the ROS driver "
+                "realsense2_camera with `ros2 bag record`, or with the SDK to a .bag file"
+            )
 
 
 def describe_topics(recording: Recording) -> str:
