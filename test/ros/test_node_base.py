@@ -180,15 +180,6 @@ def test_bad_parameters_end_the_start(start, given, said):
     assert said in process.output and "Traceback" not in process.output
 
 
-def test_sros2_that_is_not_there_is_said(start, monkeypatch, tmp_path):
-    monkeypatch.setenv("ROS_SECURITY_ENABLE", "true")
-    monkeypatch.setenv("ROS_SECURITY_STRATEGY", "Enforce")
-    monkeypatch.setenv("ROS_SECURITY_KEYSTORE", str(tmp_path))
-    process = start(TRIAL)
-    assert process.process.wait(LIMIT_S) == 2
-    assert "asks for SROS2" in process.output and "Traceback" not in process.output
-
-
 @pytest.mark.parametrize(
     ("kind", "said"),
     [

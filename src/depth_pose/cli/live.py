@@ -257,8 +257,9 @@ def record(
     """
     check_targets([output])
     check_ending(output, ".mcap", "a recording")
-    console.print("recording, Ctrl-C ends" if seconds is None else f"recording {seconds:g} s")
-    counts = call_ros("tools.bag", "record", output, topics or None, seconds=seconds)
+    begun = "recording, Ctrl-C ends" if seconds is None else f"recording {seconds:g} s"
+    options = {"seconds": seconds, "on_start": lambda: console.print(begun)}
+    counts = call_ros("tools.bag", "record", output, topics or None, **options)
     if not counts:
         raise DepthPoseError(f"no message arrived that could be recorded; {output} is not written")
     print_facts(str(output), [(name, f"{count} messages") for name, count in sorted(counts.items())])

@@ -35,6 +35,7 @@ from depth_pose.ros.process.child import Child
 from depth_pose.ros.process.interfaces import check_interfaces
 from depth_pose.ros.process.pulse import PULSE
 from depth_pose.ros.process.runner import EXIT_CONFIG, on_stop
+from depth_pose.ros.process.security import check_security
 from depth_pose.ros.process.shared_memory import remove_leftovers
 
 __all__ = ["NODES", "SENSORS_PATH", "NodeDiedError", "Suite", "sensor_names", "up"]
@@ -274,12 +275,13 @@ def up(
     Raises
     ------
     ConfigError, NodeDiedError
-        If a node cannot start, or no network interface is up.
+        If a node cannot start, no network interface is up, or SROS2 is asked for and does not start.
     """
     stop = threading.Event()
     if local:
         stay_local()
     check_interfaces()
+    check_security()
     suite = Suite(params_file, sensor, bank, parameters=parameters, remap=remap, nodes=nodes)
     namespace = dict(rule.partition(":=")[::2] for rule in remap).get("__ns", "depth_pose").strip("/")
     ready = printable(f"all nodes are ready; skeletons come on /{namespace}/{skeletons}, Ctrl-C ends")

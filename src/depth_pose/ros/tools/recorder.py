@@ -72,7 +72,7 @@ class Recorder:
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._subscriptions: dict[str, Any] = {}
-        self._stopping = threading.Event()
+        self._opened, self._stopping = threading.Event(), threading.Event()
         self._error: BaseException | None = None
         self._thread: threading.Thread | None = None
 
@@ -99,6 +99,8 @@ class Recorder:
         ------
         InputError
             If the file cannot be written.
+        ConfigError
+            If ROS does not start with the security that is asked for.
         """
         from mcap.writer import CompressionType, Writer
 
@@ -107,6 +109,9 @@ class Recorder:
         self._writer.start(profile="ros2", library=f"depth_pose {depth_pose.__version__}")
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
+        self._opened.wait()
+        if self._error is not None:
+            self.stop()
 
     def stop(self) -> Counter[str]:
         """Finish the file; return the number of messages by topic. Without messages there is no file."""
@@ -171,6 +176,7 @@ class Recorder:
         try:
             init_context(context, args=[])
             self._node = rclpy.create_node("recorder", namespace="depth_pose", context=context)
+            self._opened.set()
             executor = SingleThreadedExecutor(context=context)
             executor.add_node(self._node)
             looked_s = 0.0
@@ -184,6 +190,7 @@ class Recorder:
         except BaseException as e:
             self._error = e
         finally:
+            self._opened.set()
             rclpy.try_shutdown(context=context)
 
     def _drain(self, executor: Any) -> None:
@@ -256,7 +263,11 @@ def _matching_qos(publishers: Sequence[Any]) -> Any:
 
 
 def record(
-    output: str | Path, topics: Sequence[str] | None = None, *, seconds: float | None = None
+    output: str | Path,
+    topics: Sequence[str] | None = None,
+    *,
+    seconds: float | None = None,
+    on_start: Callable[[], None] | None = None,
 ) -> Counter[str]:
     """Record until SIGINT or SIGTERM, or for some time.
 
@@ -266,6 +277,8 @@ def record(
         As for `Recorder`.
     seconds : float, optional
         Stop after this long.
+    on_start : callable, optional
+        Called once when it records.
 
     Returns
     -------
@@ -275,6 +288,8 @@ def record(
     done = threading.Event()
     deadline = time.monotonic() + seconds if seconds is not None else float("inf")
     with on_stop(done.set), Recorder(output, topics) as recorder:
+        if on_start is not None:
+            on_start()
         while not done.wait(0.05) and time.monotonic() < deadline and recorder.is_running:
             pass
     return recorder.counts
