@@ -39,6 +39,8 @@ from depth_pose.match.search import SubspaceSearch
 from depth_pose.match.tuning import MatchTuning
 from depth_pose.perception import Perception
 from depth_pose.refine.body_fitter import BodyFitter
+from depth_pose.refine.objective import Objective
+from depth_pose.refine.solver import Hypothesis
 from depth_pose.sim.config import Person, Placement, Room
 from depth_pose.sim.motion import load_motion
 from depth_pose.sim.placement import camera_pose, room_mesh
@@ -195,7 +197,7 @@ def compare_fits(bank: Bank, made: list[Scene]) -> list[Peer]:
         Perception(SegmentConfig(), DenoiseConfig()),
         make_matcher(bank, MatchTuning(search_every=1)),
     )
-    fitter, watches = BodyFitter(body), [_Stopwatch(), _Stopwatch()]
+    fitter, objective, watches = BodyFitter(body), Objective(bank), [_Stopwatch(), _Stopwatch()]
     usual = np.zeros(len(BUILD_NAMES), np.float32)
     errors: list[list[float]] = [[], [], []]
     estimate = o3d.pipelines.registration.TransformationEstimationPointToPlane()
@@ -207,8 +209,10 @@ def compare_fits(bank: Bank, made: list[Scene]) -> list[Peer]:
         posed = body.pose(start.rotations, start.root, start.scale)
 
         def articulated(person=person, start=start):
-            frame = fitter.fit_to(person, usual)
-            return frame.finish(frame.rough(frame.glance(start).pose)).nodes
+            frame = fitter.problem(person, usual, objective)
+            (glance,) = frame.glance([Hypothesis(start, "exemplar")])
+            (rough,) = frame.rough([Hypothesis(glance.body.pose, glance.source)])
+            return frame.fine(rough).body.nodes
 
         def rigid(person=person, start=start, posed=posed):
             source = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(person.points))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -13,7 +11,7 @@ from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
 from depth_pose.core.skeleton import JOINT_NODES, MIRROR_JOINTS, forward_kinematics
 from depth_pose.match.proposed_exemplars import ProposedExemplars
-from depth_pose.refine.objective import distance_from
+from depth_pose.refine._aim_kernels import mean_deviation
 
 AHEAD = np.array([0.3, 0.1, 2.6])
 
@@ -75,7 +73,7 @@ def test_distances_from_proposals_count_in_their_standard_deviations(bank):
     def moved(by):
         places = joints.copy()
         places[7] += by
-        return distance_from(replace(found(places), sigma=sigma), nodes)
+        return mean_deviation(joints, places.astype(np.float32), sigma, 5.0)
 
     assert moved(np.zeros(3)) == pytest.approx(0.0, abs=1e-5)
     assert moved(0.1 * aside) == pytest.approx(0.1 / across / 19, rel=0.02)

@@ -10,7 +10,7 @@ import pytest
 from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.core.skeleton import NODES
 from depth_pose.refine.objective import Score
-from depth_pose.refine.solver import Hypothesis, Problem, solve
+from depth_pose.refine.solver import Hypothesis, SingleFits, solve
 
 
 def start(score, source="exemplar", aside=0.0):
@@ -43,7 +43,7 @@ class Counted:
 
     @property
     def problem(self):
-        return Problem(self, lambda b: Score(b.pose.scale, b.pose.scale, 0.0, self.away, 0.0), self.vary)
+        return SingleFits(self, lambda b: Score(b.pose.scale, b.pose.scale, 0.0, self.away, 0.0), self.vary)
 
 
 FRESH = [start(0.5), start(0.3, aside=0.2), start(0.4)]

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from depth_pose.body.build import build_space
 from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.paper.completion import MeshCompleter
-from depth_pose.refine.body_fitter import FrameFit
+from depth_pose.refine.body_fitter import Vary, keep_limbs
+from depth_pose.refine.objective import Objective
+from depth_pose.refine.solver import Problem, SingleFits
 from depth_pose.track.person_view import PersonView, thin
 
 
@@ -38,8 +40,16 @@ class CompletionFitter:
         self._completer = completer
         self._space = build_space(completer.body)
 
-    def fit_to(self, person: PersonView, build: NDArray[np.float32], noise: float = 0.0) -> FrameFit:
+    def problem(
+        self,
+        person: PersonView,
+        build: NDArray[np.float32],
+        objective: Objective,
+        noise: float = 0.0,
+        vary: Vary = keep_limbs,
+    ) -> Problem:
         """Prepare the fits of a build (13,) to one frame; the registration weighs no joints by ``noise``."""
         del noise
         points = thin(person.points, self._completer.tuning.max_points)
-        return _CompletionFit(self._completer.of(self._space.body(build)), points, person)
+        fit = _CompletionFit(self._completer.of(self._space.body(build)), points, person)
+        return SingleFits(fit, lambda body: objective.score(person, body), vary)

@@ -35,7 +35,7 @@ from depth_pose.recover.smooth import low_pass, with_motion
 from depth_pose.recover.tuning import RecoverTuning
 from depth_pose.refine.body_fitter import BodyFitter
 from depth_pose.refine.objective import Objective
-from depth_pose.refine.solver import Hypothesis, Problem, ScoredFit, solve
+from depth_pose.refine.solver import Hypothesis, ScoredFit, solve
 from depth_pose.track.person_odds import PersonOdds
 from depth_pose.track.person_view import FramePeople, PersonView
 from depth_pose.track.sample_people import sample_people
@@ -223,8 +223,7 @@ class Recoverer:
 
     def _solved(self, person: PersonView, start: Hypothesis, build: NDArray[np.float32]) -> ScoredFit:
         """Fit one hypothesis to one person's frame."""
-        fit, score = self._bodies.fit_to(person, build), self._objective.score
-        return solve([start], Problem(fit, lambda body: score(person, body)), is_measured=False)
+        return solve([start], self._bodies.problem(person, build, self._objective), is_measured=False)
 
 
 def _is_over(known: Answer, stamp_ns: int, max_time: float) -> bool:

@@ -116,6 +116,14 @@ class FitResult(NamedTuple):
         return float(np.abs(self.step[3:]).max())
 
 
+class Levels(NamedTuple):
+    """Standard deviations of the iterations of each stage, metres: `FitTuning`, by the same names."""
+
+    glance: NDArray[np.float64]
+    rough: NDArray[np.float64]
+    fine: NDArray[np.float64]
+
+
 class ArticulatedFitter:
     """Fits one body; all data that is constant between frames is prepared here."""
 
@@ -125,6 +133,7 @@ class ArticulatedFitter:
         self.articulation = articulate(body, _STIFFNESS, _NEUTRAL)
         numbers = {n: float(getattr(self.tuning, n)) for n in kernels.Settings._fields if n != "root_prior"}
         self.settings = kernels.Settings(root_prior=0.0, **numbers)
+        self.levels = Levels(*(np.array(getattr(tuning, name)) for name in Levels._fields))
 
     def of(self, body: Body) -> ArticulatedFitter:
         """Return the same fitter for another build of its body."""

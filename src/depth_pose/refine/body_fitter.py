@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -12,7 +12,11 @@ from depth_pose.body.body import Body
 from depth_pose.body.build import BuildSpace, build_space
 from depth_pose.body.coarsen import coarsen
 from depth_pose.body.pose import BodyPose, FittedBody
+from depth_pose.core.skeleton import Nodes
+from depth_pose.refine._score_kernels import Criteria, Fits, fit_starts
 from depth_pose.refine.articulated import ArticulatedFitter
+from depth_pose.refine.objective import Objective, Score
+from depth_pose.refine.solver import Hypothesis, Problem, ScoredFit
 from depth_pose.refine.tuning import FitTuning
 from depth_pose.track.person_view import PersonView
 from depth_pose.track.target import FitTarget
@@ -20,45 +24,88 @@ from depth_pose.track.target import FitTarget
 _VERTICES = 1000
 """Number of body vertices used in glances and rough fits, about half of all; no less accurate than all."""
 
+Vary = Callable[[FittedBody], list[Hypothesis]]
 
-class FrameFit(Protocol):
-    """Fits one build to one person in one frame."""
 
-    def glance(self, start: BodyPose) -> FittedBody:
-        """Run a short fit, precise enough to rank the starts."""
-
-    def rough(self, start: BodyPose) -> FittedBody:
-        """Run a rough fit, precise enough to choose between a few starts."""
-
-    def finish(self, fitted: FittedBody) -> FittedBody:
-        """Refine a rough fit to full precision."""
+def keep_limbs(_: FittedBody) -> list[Hypothesis]:
+    """Return no hypotheses with other limbs."""
+    return []
 
 
 class PersonFitter(Protocol):
     """A method of fitting: the articulated fit, or the paper's registration and completion."""
 
-    def fit_to(self, person: PersonView, build: NDArray[np.float32], noise: float = 0.0) -> FrameFit:
+    def problem(
+        self,
+        person: PersonView,
+        build: NDArray[np.float32],
+        objective: Objective,
+        noise: float = 0.0,
+        vary: Vary = keep_limbs,
+    ) -> Problem:
         """Prepare the fits of a build (13,) to one frame; ``noise`` as in `FitTarget`."""
 
 
-@dataclass(frozen=True)
-class _ArticulatedFit:
-    fine: ArticulatedFitter
-    coarse: ArticulatedFitter
-    target: FitTarget
+class ArticulatedFits:
+    """The articulated fits of one build to one person in one frame: one compiled call for all starts.
 
-    def glance(self, start: BodyPose) -> FittedBody:
-        return self._posed(self.coarse.fit(self.target, start, self.coarse.tuning.glance).pose)
+    Parameters
+    ----------
+    fine, coarse : ArticulatedFitter
+        With the whole mesh of the build, and with a coarse one, for all but the last fit.
+    target : FitTarget
+    criteria : Criteria
+    vary : callable
+        As in `depth_pose.refine.solver.Problem`.
+    """
 
-    def rough(self, start: BodyPose) -> FittedBody:
-        return self._posed(self.coarse.fit(self.target, start, self.coarse.tuning.rough).pose)
+    def __init__(
+        self,
+        fine: ArticulatedFitter,
+        coarse: ArticulatedFitter,
+        target: FitTarget,
+        criteria: Criteria,
+        vary: Vary,
+    ) -> None:
+        self._fine, self._coarse, self._target, self._criteria = fine, coarse, target, criteria
+        self.vary = vary
 
-    def finish(self, fitted: FittedBody) -> FittedBody:
-        return self._posed(self.fine.fit(self.target, fitted.pose, self.fine.tuning.fine).pose)
+    def glance(self, starts: Sequence[Hypothesis]) -> list[ScoredFit]:
+        """Run short fits, precise enough to rank the starts."""
+        return self._fit(self._coarse, self._coarse.levels.glance, starts)
 
-    def _posed(self, pose: BodyPose) -> FittedBody:
-        posed = self.fine.body.pose(pose.rotations, pose.root, pose.scale)
-        return FittedBody(pose, posed.vertices, posed.nodes)
+    def rough(self, starts: Sequence[Hypothesis]) -> list[ScoredFit]:
+        """Run rough fits, precise enough to choose between a few starts."""
+        return self._fit(self._coarse, self._coarse.levels.rough, starts)
+
+    def fine(self, fitted: ScoredFit) -> ScoredFit:
+        """Refine a rough fit to full precision."""
+        start = Hypothesis(fitted.body.pose, fitted.source)
+        return self._fit(self._fine, self._fine.levels.fine, [start])[0]
+
+    def _fit(
+        self, fitter: ArticulatedFitter, sigmas: NDArray[np.float64], starts: Sequence[Hypothesis]
+    ) -> list[ScoredFit]:
+        if not starts:
+            return []
+        poses, count, whole = [start.pose for start in starts], len(starts), self._fine.body
+        fits = Fits(
+            np.array([pose.rotations for pose in poses]),
+            np.array([pose.root for pose in poses]),
+            np.array([pose.scale for pose in poses]),
+            np.empty((count, *whole.vertices.shape)),
+            np.empty((count, *whole.nodes.shape)),
+            np.empty((count, len(Score._fields))),
+        )
+        fit_starts(
+            self._target, fitter.articulation, fitter.settings, sigmas, whole.skin, self._criteria, fits
+        )
+        return [
+            ScoredFit(FittedBody(BodyPose(r, root, scale), v, Nodes(n)), Score(*score), start.source)
+            for start, r, root, scale, v, n, score in zip(
+                starts, *fits[:2], fits.scales.tolist(), *fits[3:5], fits.scores.tolist(), strict=True
+            )
+        ]
 
 
 class BodyFitter:
@@ -90,9 +137,17 @@ class BodyFitter:
         """Return the data that a person's body is fitted to."""
         return person.target(self.tuning.max_points)
 
-    def fit_to(self, person: PersonView, build: NDArray[np.float32], noise: float = 0.0) -> FrameFit:
+    def problem(
+        self,
+        person: PersonView,
+        build: NDArray[np.float32],
+        objective: Objective,
+        noise: float = 0.0,
+        vary: Vary = keep_limbs,
+    ) -> Problem:
         """Prepare the fits of a build (13,) to one frame; ``noise`` as in `FitTarget`."""
-        return _ArticulatedFit(*self.both_of(build), self.target(person)._replace(noise=noise))
+        target = self.target(person)._replace(noise=noise)
+        return ArticulatedFits(*self.both_of(build), target, objective.criteria(person), vary)
 
     def both_of(self, build: NDArray[np.float32]) -> tuple[ArticulatedFitter, ArticulatedFitter]:
         """Return the fitters of one build (13,), with the whole mesh and with a coarse one."""

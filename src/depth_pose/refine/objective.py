@@ -20,9 +20,7 @@ from numpy.typing import NDArray
 from depth_pose.bank.bank import Bank
 from depth_pose.body.pose import Fitted, FittedBody
 from depth_pose.body.rendered_depth import Comparison
-from depth_pose.core.measurement import JointMeasurement
-from depth_pose.core.skeleton import JOINT_NODES, Nodes
-from depth_pose.refine._aim_kernels import mean_deviation
+from depth_pose.refine import _score_kernels as kernels
 from depth_pose.refine.pose_prior import PosePrior, usual_joints
 from depth_pose.track.person_view import PersonView
 
@@ -45,8 +43,8 @@ class Weights(NamedTuple):
 
 WEIGHTS = Weights()
 
-_FARTHEST = 5.0
-"""Maximum distance that counts between a joint and the measured one, standard deviations; 8 is the same."""
+_UNMEASURED = np.zeros((0, 3), np.float32), np.zeros((0, 2), np.float32)
+"""Places and deviations of nobody's joints."""
 
 
 class Score(NamedTuple):
@@ -92,18 +90,24 @@ class Objective:
         self._faces, self._weights = bank.body.faces, weights
         self._prior = PosePrior(self.usual)
 
+    def criteria(self, person: PersonView) -> kernels.Criteria:
+        """Return what the poses of one view are scored by."""
+        measured, prior = person.found.measured, self._prior
+        places, sigmas = (measured.places, measured.sigma) if measured is not None else _UNMEASURED
+        return kernels.Criteria(person.coarse, places, sigmas, prior.mean, prior.whiten, *self._weights)
+
     def score(self, person: PersonView, body: FittedBody) -> Score:
         """Score a body in the camera frame of one view."""
-        seen = person.comparer.compare(body.vertices, self._faces)
-        return self.score_seen(person, body, seen)
+        score = np.empty(len(Score._fields))
+        criteria, scale = self.criteria(person), body.pose.scale
+        kernels.score_body(criteria, body.vertices, self._faces, body.nodes, scale, score)
+        return Score(*score.tolist())
 
     def score_seen(self, person: PersonView, body: FittedBody, seen: Comparison) -> Score:
         """Score a body that was compared with the depth image already."""
-        away = distance_from(person.measured, body.nodes)
-        open_share = 1.0 if person.measured is None else min(1.0, away)
-        odd = open_share * self._prior.excess(body.nodes, body.pose.scale)
-        total = seen.score + self._weights.away * away + self._weights.odd * odd
-        return Score(total, seen.score, seen.gap, away, odd)
+        score = np.empty(len(Score._fields))
+        kernels.weigh(self.criteria(person), body.nodes, body.pose.scale, seen.score, seen.gap, score)
+        return Score(*score.tolist())
 
     def pose_distance(self, fitted: Fitted) -> float:
         """Compute the distance of a fitted pose from the bank's mean, in standard deviations."""
@@ -115,10 +119,3 @@ class Objective:
         """Score a body seen by several cameras: the mean of its scores, weighted by ``shares`` (V,)."""
         scores = [self.score(person, body) for person, body in zip(persons, bodies, strict=True)]
         return Score._make(float(shares @ column) for column in zip(*scores, strict=True))
-
-
-def distance_from(measured: JointMeasurement | None, nodes: Nodes) -> float:
-    """Compute the mean distance of nodes (21, 3) from the measured joints, standard deviations; 0 without."""
-    if measured is None:
-        return 0.0
-    return mean_deviation(nodes[JOINT_NODES], measured.places, measured.sigma, _FARTHEST)

@@ -20,9 +20,6 @@ from depth_pose.bank.bank import Bank
 from depth_pose.core.skeleton import JOINT_NODES, MIRROR_JOINTS, Nodes
 from depth_pose.refine import _plausible_kernels as kernels
 
-_USUAL = 0.7
-"""Distance up to which a pose costs nothing; the bank's median is 0.65, its 95th percentile 0.98."""
-
 _NOISE_M = 0.02
 """Standard deviation (m) added to the bank's variation of each joint."""
 
@@ -44,13 +41,18 @@ class PosePrior:
     ----------
     usual : (N, 19, 3) float64
         `usual_joints` of a bank.
+
+    Attributes
+    ----------
+    mean, whiten : (57,), (57, 57) float64
+        Mean of the joints' coordinates, and the inverse of their covariance's lower Cholesky factor.
     """
 
     def __init__(self, usual: NDArray[np.float64]) -> None:
         rows = usual.reshape(len(usual), -1)
-        self._mean = rows.mean(axis=0)
+        self.mean = rows.mean(axis=0)
         covariance = np.cov(rows.T) + _NOISE_M**2 * np.eye(rows.shape[1])
-        self._whiten = np.ascontiguousarray(np.linalg.inv(np.linalg.cholesky(covariance)))
+        self.whiten = np.ascontiguousarray(np.linalg.inv(np.linalg.cholesky(covariance)))
 
     def distance(self, nodes: Nodes, scale: float) -> float:
         """Compute a pose's distance from the bank's mean, in standard deviations.
@@ -61,8 +63,8 @@ class PosePrior:
             In any frame, metres.
         scale : float
         """
-        return float(kernels.distance(nodes[JOINT_NODES], scale, self._mean, self._whiten))
+        return float(kernels.distance(nodes[JOINT_NODES], scale, self.mean, self.whiten))
 
     def excess(self, nodes: Nodes, scale: float) -> float:
         """Compute the distance of a pose above the usual; 0 for most."""
-        return max(0.0, self.distance(nodes, scale) - _USUAL)
+        return float(kernels.excess(nodes[JOINT_NODES], scale, self.mean, self.whiten))

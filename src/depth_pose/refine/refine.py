@@ -168,9 +168,11 @@ class Refiner:
 
     def _problem(self, person: PersonView, shape: Shape, noise: float) -> Problem:
         """Return what the solver needs to know of one person in one frame."""
-        return Problem(
-            self._fitter.fit_to(person, shape.build, noise),
-            lambda body: self._objective.score(person, body),
+        return self._fitter.problem(
+            person,
+            shape.build,
+            self._objective,
+            noise,
             lambda body: from_joints(self.bank.body, body.pose, person.measured),
         )
 

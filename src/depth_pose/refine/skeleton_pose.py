@@ -14,7 +14,7 @@ from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.core.skeleton import JOINT_NODES, MIRROR_NODES, NODE_INDEX, NODES
 from depth_pose.refine import _aim_kernels as kernels
 
-_AIMED = np.array(
+AIMED = np.array(
     [
         (NODE_INDEX[f"{side}_{start}"], NODE_INDEX[f"{side}_{end}"])
         for side in ("left", "right")
@@ -67,7 +67,7 @@ def about_face(pose: BodyPose) -> BodyPose:
 def aim_limbs(body: Body, rotations: NDArray[np.float64], nodes: NDArray[np.float64]) -> NDArray[np.float64]:
     """Turn limbs by the smallest rotations that point them at their next node; return (21, 3, 3)."""
     rotations = rotations.copy()
-    kernels.aim_segments(body.nodes, _AIMED, nodes, rotations)
+    kernels.aim_segments(body.nodes, AIMED, nodes, rotations)
     return rotations
 
 

@@ -8,12 +8,12 @@ better than any unfitted one even if it is wrong, so only fits are compared with
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from operator import attrgetter
+from typing import Literal, NamedTuple, Protocol
 
 from depth_pose.body.pose import BodyPose, FittedBody
-from depth_pose.refine.body_fitter import FrameFit
 from depth_pose.refine.objective import Score
 
 Source = Literal["previous", "carried", "exemplar", "joints", "camera"]
@@ -28,6 +28,8 @@ _CALM = 0.5
 """Mean distance of the previous pose from the measured joints (standard deviations) below which nothing else
 is tried; swept from .35 to .8: accuracy falls and speed rises throughout."""
 
+_BY_SCORE = attrgetter("terms.total")
+
 _FOLLOWED = ("previous", "carried")
 """Sources of the starts from the previous frame."""
 
@@ -39,8 +41,20 @@ class Hypothesis(NamedTuple):
     source: Source
 
 
-@dataclass(frozen=True)
-class ScoredFit:
+class FrameFit(Protocol):
+    """Fits one build to one person in one frame, one start at a time."""
+
+    def glance(self, start: BodyPose) -> FittedBody:
+        """Run a short fit."""
+
+    def rough(self, start: BodyPose) -> FittedBody:
+        """Run a rough fit."""
+
+    def finish(self, fitted: FittedBody) -> FittedBody:
+        """Refine a rough fit."""
+
+
+class ScoredFit(NamedTuple):
     """A fitted body, its score, and the source of its start."""
 
     body: FittedBody
@@ -53,9 +67,25 @@ class ScoredFit:
         return self.terms.total
 
 
+class Problem(Protocol):
+    """One person in one frame, seen by one camera or by several: what a solver needs to know."""
+
+    def glance(self, starts: Sequence[Hypothesis]) -> list[ScoredFit]:
+        """Run short fits, precise enough to rank the starts."""
+
+    def rough(self, starts: Sequence[Hypothesis]) -> list[ScoredFit]:
+        """Run rough fits, precise enough to choose between a few starts."""
+
+    def fine(self, fitted: ScoredFit) -> ScoredFit:
+        """Refine a rough fit to full precision."""
+
+    def vary(self, body: FittedBody) -> list[Hypothesis]:
+        """Return hypotheses with other limbs for a fitted body."""
+
+
 @dataclass(frozen=True)
-class Problem:
-    """One person in one frame, seen by one camera or by several: what a solver needs to know.
+class SingleFits:
+    """A problem whose fits run one after the other.
 
     Attributes
     ----------
@@ -64,24 +94,23 @@ class Problem:
     score : callable
         Scores a fitted body (`depth_pose.refine.objective.Objective`).
     vary : callable
-        Returns hypotheses with other limbs for a fitted body.
     """
 
     fit: FrameFit
     score: Callable[[FittedBody], Score]
     vary: Callable[[FittedBody], list[Hypothesis]] = lambda _: []
 
-    def glance(self, start: Hypothesis) -> ScoredFit:
-        """Run a short fit, precise enough to rank the starts."""
-        return self._scored(self.fit.glance(start.pose), start.source)
+    def glance(self, starts: Sequence[Hypothesis]) -> list[ScoredFit]:
+        """Run short fits, precise enough to rank the starts."""
+        return [self._scored(self.fit.glance(start.pose), start.source) for start in starts]
 
-    def rough(self, pose: BodyPose, source: Source) -> ScoredFit:
-        """Run a rough fit, precise enough to choose between a few starts."""
-        return self._scored(self.fit.rough(pose), source)
+    def rough(self, starts: Sequence[Hypothesis]) -> list[ScoredFit]:
+        """Run rough fits, precise enough to choose between a few starts."""
+        return [self._scored(self.fit.rough(start.pose), start.source) for start in starts]
 
-    def finish(self, rough: ScoredFit) -> ScoredFit:
-        """Fit finely; keep the rough fit if it agrees better, for instance if the fine one lost an arm."""
-        return min(self._scored(self.fit.finish(rough.body), rough.source), rough, key=_by_score)
+    def fine(self, fitted: ScoredFit) -> ScoredFit:
+        """Refine a rough fit to full precision."""
+        return self._scored(self.fit.finish(fitted.body), fitted.source)
 
     def _scored(self, body: FittedBody, source: Source) -> ScoredFit:
         return ScoredFit(body, self.score(body), source)
@@ -102,29 +131,27 @@ def solve(
     is_calm : bool
         Whether hardly anything has moved since the person was measured: no other start is tried.
     """
-    fits = [problem.rough(*h) for h in starts if h.source in _FOLLOWED]
+    fits = problem.rough([h for h in starts if h.source in _FOLLOWED])
     if fits and (is_calm or (is_measured and fits[0].terms.away < _CALM)):
-        return problem.finish(fits[0])
+        return _finish(fits[0], problem)
     if fresh := [h for h in starts if h.source not in _FOLLOWED]:
         fits.append(_fit_best(fresh, problem, _ROUGHS if is_measured else _UNMEASURED_ROUGHS))
     fits = [_turn_limbs(fit, problem) for fit in fits]
-    return problem.finish(min(fits, key=_by_score))
+    return _finish(min(fits, key=_BY_SCORE), problem)
 
 
-def _by_score(fitted: ScoredFit) -> float:
-    return fitted.score
-
-
-def _fit_best(starts: Iterable[Hypothesis], problem: Problem, count: int = 1) -> ScoredFit:
+def _fit_best(starts: Sequence[Hypothesis], problem: Problem, count: int = 1) -> ScoredFit:
     """Return the best of the rough fits of the ``count`` starts that are best after a glance."""
-    glances = sorted((problem.glance(start) for start in starts), key=_by_score)
-    return min((problem.rough(g.body.pose, g.source) for g in glances[:count]), key=_by_score)
+    best = sorted(problem.glance(starts), key=_BY_SCORE)[:count]
+    return min(problem.rough([Hypothesis(g.body.pose, g.source) for g in best]), key=_BY_SCORE)
 
 
 def _turn_limbs(fitted: ScoredFit, problem: Problem) -> ScoredFit:
     """Replace arms or legs if the fit improves."""
     starts = problem.vary(fitted.body)
-    if not starts:
-        return fitted
-    turned = _fit_best(starts, problem)
-    return min(fitted, turned, key=_by_score)
+    return min(fitted, _fit_best(starts, problem), key=_BY_SCORE) if starts else fitted
+
+
+def _finish(rough: ScoredFit, problem: Problem) -> ScoredFit:
+    """Fit finely; keep the rough fit if it agrees better, for instance if the fine one lost an arm."""
+    return min(problem.fine(rough), rough, key=_BY_SCORE)

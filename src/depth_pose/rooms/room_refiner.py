@@ -19,7 +19,7 @@ from depth_pose.recover.smooth import low_pass, with_motion
 from depth_pose.refine.body_fitter import BodyFitter
 from depth_pose.refine.build_learner import BuildLearner
 from depth_pose.refine.objective import Objective, Score
-from depth_pose.refine.solver import Hypothesis, Problem, ScoredFit, solve
+from depth_pose.refine.solver import Hypothesis, ScoredFit, SingleFits, solve
 from depth_pose.rooms.merge import place
 from depth_pose.rooms.room_fit import RoomFit
 from depth_pose.rooms.starts import best_limbs
@@ -112,7 +112,7 @@ class RoomRefiner:
         shape = self._builds.begin(memory.state.shape, size)
         way = velocity * ((stamp_ns - memory.stamp_ns) * 1e-9)
         starts = _starts(answers, memory.state, way, shape.scale)
-        problem = Problem(
+        problem = SingleFits(
             RoomFit(*self.bodies.both_of(shape.build), views),
             lambda body: self._score(views, body, shares),
         )
