@@ -210,9 +210,7 @@ def compare_fits(bank: Bank, made: list[Scene]) -> list[Peer]:
 
         def articulated(person=person, start=start):
             frame = fitter.problem(person, usual, objective)
-            (glance,) = frame.glance([Hypothesis(start, "exemplar")])
-            (rough,) = frame.rough([Hypothesis(glance.body.pose, glance.source)])
-            return frame.fine(rough).body.nodes
+            return frame.fine(frame.best([Hypothesis(start, "exemplar")], 1)).body.nodes
 
         def rigid(person=person, start=start, posed=posed):
             source = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(person.points))

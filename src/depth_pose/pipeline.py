@@ -139,11 +139,14 @@ class PosePipeline:
     @one_thread_each
     def process_frame(self, frame: DepthFrame) -> FrameResult:
         """Estimate the poses in one frame; pass the frames of a sequence in their order."""
-        return self.conclude(self.perceive(frame))
+        return self._conclude(self._perceive(frame))
 
     @one_thread_each
     def perceive(self, frame: DepthFrame) -> Perceived:
         """Run the first stage on one frame; the next one may be perceived while this one is concluded."""
+        return self._perceive(frame)
+
+    def _perceive(self, frame: DepthFrame) -> Perceived:
         # Sec. 4: find the people, cut them out, modified LOP (eqs. 1 to 5), outliers
         shown = rotate_upright(self._repair.apply(frame), self._mount)
         people = self.perception.perceive(shown)
@@ -153,7 +156,10 @@ class PosePipeline:
     @one_thread_each
     def conclude(self, seen: Perceived) -> FrameResult:
         """Estimate the poses of the people in a frame after the first stage."""
-        result = self.answer(seen.people)
+        return self._conclude(seen)
+
+    def _conclude(self, seen: Perceived) -> FrameResult:
+        result = self._answer(seen.people)
         self._nobody.look(
             seen.frame,
             is_found=bool(seen.people.persons),
@@ -165,6 +171,9 @@ class PosePipeline:
     @one_thread_each
     def answer(self, people: FramePeople) -> FrameResult:
         """Estimate the poses of segmented people; the state of each goes through all stages and back."""
+        return self._answer(people)
+
+    def _answer(self, people: FramePeople) -> FrameResult:
         self.states.begin(people)
         self.recoverer.begin()
         matches, refined, skeletons = [], [], []

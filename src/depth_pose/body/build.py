@@ -124,7 +124,7 @@ MOST: Array = np.where([name == "trunk_depth" for name in BUILD_NAMES], 0.6, 0.3
 """Maximum deviation of each part, (13,): four to six standard deviations for most; coats make a trunk up to
 50 % deeper."""
 
-_KEPT = 64
+KEPT = 64
 """Number of cached bodies; a person's build seldom changes."""
 
 
@@ -149,7 +149,7 @@ class BuildSpace:
                 for m, n in zip(maps, self.nodes, strict=True)
             ]
         )
-        self._body: Callable[[bytes], Body] = lru_cache(maxsize=_KEPT)(self._make)
+        self._body: Callable[[bytes], Body] = lru_cache(maxsize=KEPT)(self._make)
 
     def body(self, build: NDArray[np.float32]) -> Body:
         """Return the body of a build, (13,) float32; the template where it is 0 or empty.
@@ -161,9 +161,13 @@ class BuildSpace:
     def _make(self, values: bytes) -> Body:
         build = np.frombuffer(values, np.float32).astype(np.float64)
         template = self.template
-        vertices = template.vertices + np.tensordot(build, self.vertices, 1)
-        nodes = template.nodes + np.tensordot(build, self.nodes, 1)
-        return template.reshaped(vertices, nodes)
+        vertices = template.vertices + combine(build, self.vertices)
+        return template.reshaped(vertices, template.nodes + combine(build, self.nodes))
+
+
+def combine(weights: Array, parts: Array) -> Array:
+    """Return the weighted sum of parts, (n,) and (n, ...); `np.tensordot` checks more."""
+    return weights[None].dot(parts.reshape(len(parts), -1)).reshape(parts.shape[1:])
 
 
 @lru_cache(maxsize=2)

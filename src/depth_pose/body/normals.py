@@ -31,6 +31,6 @@ def normals_of(vertices: NDArray[np.float64], faces: NDArray[np.int32], by_face:
     """
     from depth_pose.body._skin_kernels import add_face_normals  # import numba only if needed
 
-    total = np.zeros_like(vertices)
+    total = np.zeros(vertices.shape)
     add_face_normals(vertices, faces, by_face, total)
     return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,14 +81,14 @@ class Fitted:
         ValueError
             Where the person is lost.
         """
-        return self._known().pose
+        return self._known.pose
 
     @property
     def nodes(self) -> Nodes:
         """The body's nodes (21, 3), camera frame, metres."""
-        return self._known().nodes
+        return self._known.nodes
 
-    @property
+    @cached_property
     def joints(self) -> NDArray[np.float64]:
         """Joint centres (19, 3) (`depth_pose.core.skeleton.JOINTS`), camera frame, metres."""
         return self.nodes[JOINT_NODES]
@@ -97,6 +98,7 @@ class Fitted:
         """Whether no pose is known."""
         return self.body is None
 
+    @cached_property
     def _known(self) -> FittedBody:
         if self.body is None:
             raise ValueError(f"{self.body_id} has no pose in this frame")

@@ -187,8 +187,11 @@ class Camera(NamedTuple):
 
     def project(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the pixel coordinates (..., 2), column and row, of points (..., 3) in the camera frame."""
-        x, y, z = np.moveaxis(np.asarray(points, np.float64), -1, 0)
-        return np.stack([self.fx * x / z + self.cx, self.fy * y / z + self.cy], axis=-1)
+        points = np.asarray(points, np.float64)
+        pixels, z = np.empty((*points.shape[:-1], 2)), points[..., 2]
+        pixels[..., 0] = self.fx * points[..., 0] / z + self.cx
+        pixels[..., 1] = self.fy * points[..., 1] / z + self.cy
+        return pixels
 
     def back_project(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the points (H, W, 3) of a depth image (H, W), metres; NaN where nothing returned."""

@@ -19,6 +19,7 @@ TYPICAL_ERROR_M = 0.1
 """Expected error (m) of a measured joint at which its confidence is one half."""
 
 _JOINT_COUNT = len(JOINTS)
+_NAMINGS = np.array([np.arange(_JOINT_COUNT), MIRROR_JOINTS])
 _NO_HEELS = np.zeros((2, 0, 5))
 
 
@@ -159,13 +160,13 @@ class JointMeasurement:
     @cached_property
     def both(self) -> Proposals:
         """The joints under both namings of left and right."""
-        names = (np.arange(_JOINT_COUNT), MIRROR_JOINTS)
-        places, weights, sigmas = (
-            np.stack([values[n] for n in names]).astype(np.float64)
-            for values in (self.places, self.confidence, self.sigma)
+        return Proposals(
+            JOINT_NODES,
+            self.places[_NAMINGS].astype(np.float64),
+            self.confidence[_NAMINGS].astype(np.float64),
+            self.sigma[_NAMINGS].astype(np.float64),
+            np.array([self.heels, self.heels[::-1]], np.float64),
         )
-        heels = np.stack([self.heels, self.heels[::-1]]).astype(np.float64)
-        return Proposals(np.asarray(JOINT_NODES, np.int64), places, weights, sigmas, heels)
 
     def named_like(self, joints: NDArray[np.float64]) -> NamedJoints:
         """Return the joints under the naming of left and right that is nearer to ``joints``, (19, 3)."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -47,9 +49,8 @@ def matrix_to_quat(matrix: Array) -> Array:
     rows[..., 0, 3] = rows[..., 3, 0] = a - d
     rows[..., 1, 3] = rows[..., 3, 1] = b - e
     rows[..., 2, 3] = rows[..., 3, 2] = c - f
-    squares = np.diagonal(rows, axis1=-2, axis2=-1)
-    pick = np.argmax(squares, axis=-1)
-    quat = np.take_along_axis(rows, pick[..., None, None], axis=-2)[..., 0, :]
+    pick = rows.diagonal(axis1=-2, axis2=-1).argmax(axis=-1)
+    quat = rows.reshape(-1, 4, 4)[np.arange(pick.size), pick.ravel()].reshape(*pick.shape, 4)
     quat = quat / np.linalg.norm(quat, axis=-1, keepdims=True)
     return np.asarray(np.where(quat[..., 3:] < 0, -quat, quat))
 
@@ -104,6 +105,11 @@ def _axis_rotation(angle: Array, i: int, j: int) -> Array:
     out[..., j, i] = sine
     out[..., i, j] = -sine
     return out
+
+
+def length_of(vector: Array) -> float:
+    """Length of a vector (3,); `np.linalg.norm` takes any array, and longer."""
+    return math.sqrt(vector.dot(vector))
 
 
 def unit_vectors(vectors: Array) -> Array:

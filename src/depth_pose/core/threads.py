@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ContextDecorator
 from typing import TypeVar
 
-from threadpoolctl import ThreadpoolController
+from threadpoolctl import LibController, ThreadpoolController
 
 from depth_pose.core.errors import ConfigError
 
@@ -59,22 +59,27 @@ class _OneThreadEach(ContextDecorator):
     """Limit linear algebra to one thread as long as any thread is within the context."""
 
     def __init__(self) -> None:
-        self._libraries: ThreadpoolController | None = None
+        self._libraries: list[LibController] | None = None
         self._lock, self._within = threading.Lock(), 0
 
     def __enter__(self) -> None:
         with self._lock:
-            if self._libraries is None:  # it knows the libraries that are loaded by now
-                self._libraries = ThreadpoolController()
+            if self._libraries is None:  # those that are loaded by now
+                self._libraries = ThreadpoolController().lib_controllers
             if self._within == 0:
-                self._limits = self._libraries.limit(limits=1)
+                self._before = [library.get_num_threads() for library in self._libraries]
+                self._set([1] * len(self._libraries))
             self._within += 1
 
     def __exit__(self, *_: object) -> None:
         with self._lock:
             self._within -= 1
             if self._within == 0:
-                self._limits.restore_original_limits()
+                self._set(self._before)
+
+    def _set(self, counts: list[int | None]) -> None:
+        for library, count in zip(self._libraries or [], counts, strict=True):
+            library.set_num_threads(count)
 
 
 one_thread_each = _OneThreadEach()

@@ -31,7 +31,7 @@ class Zone:
         """Whether a point in the sensor's frame is inside, or outside by at most ``slack``; metres."""
         away = (x * x + y * y + z * z) ** 0.5
         ranges = ((away, self.distance), (x, self.x), (y, self.y), (z, self.z))
-        return all(low - slack <= value <= high + slack for value, (low, high) in ranges)
+        return all([low - slack <= value <= high + slack for value, (low, high) in ranges])
 
 
 def parse_zone(text: str) -> Zone:

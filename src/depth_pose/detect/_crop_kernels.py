@@ -228,4 +228,6 @@ def from_crop(places: NDArray[np.float64], look: CropView) -> NDArray[np.float64
     """Convert the crop's coordinates (J, 3), neither rotated nor mirrored, to points in the camera frame."""
     z = np.maximum(look.z + places[:, 2], _NEAR)
     x, y = (look.x + places[:, 0]) / look.z, (look.y + places[:, 1]) / look.z
-    return np.stack([x * z, y * z, z], axis=1)
+    points = np.empty(places.shape)
+    points[:, 0], points[:, 1], points[:, 2] = x * z, y * z, z
+    return points

@@ -53,4 +53,5 @@ def _logits_at(
     side = len(mask.logits)
     i = ((v - camera.cy - camera.fy * y / z) * z / (cell * camera.fy) + 0.5 * side).astype(int)
     j = ((u - camera.cx - camera.fx * x / z) * z / (cell * camera.fx) + 0.5 * side).astype(int)
-    return mask.logits[i.clip(0, side - 1), j.clip(0, side - 1)]
+    i, j = np.minimum(np.maximum(i, 0), side - 1), np.minimum(np.maximum(j, 0), side - 1)
+    return mask.logits[i, j]

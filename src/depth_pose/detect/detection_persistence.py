@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.medians import median_of
 from depth_pose.detect.segmentation import Detection
 
 _HALF_LIFE_S = 4.0
@@ -87,9 +88,8 @@ class DetectionPersistence:
         if not 0 < past_s <= _LONGEST_S or belief.own.shape != own.shape:
             return 0.0
         both = belief.own & own
-        count = np.count_nonzero(both)
-        if count < max(_OVERLAP * min(np.count_nonzero(belief.own), np.count_nonzero(own)), 1):
+        if both.sum() < max(_OVERLAP * min(belief.own.sum(), own.sum()), 1):
             return 0.0
-        if np.median(np.abs(belief.depth[both] - depth[both])) > _MOVED_M:
+        if median_of(np.abs(belief.depth[both] - depth[both])) > _MOVED_M:
             return 0.0
         return float(belief.probability * 0.5 ** (past_s / _HALF_LIFE_S))

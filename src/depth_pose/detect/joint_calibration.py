@@ -92,5 +92,5 @@ def crop_measures(sample: CropSample, label: int) -> NDArray[np.float64]:
     label : int
         The person's.
     """
-    bends = (kernels.measure_bend(sample.grid, sample.whose, label, step) for step in _BENDS)
+    bends = [kernels.measure_bend(sample.grid, sample.whose, label, step) for step in _BENDS]
     return np.log([sample.view.z, *bends])

@@ -97,7 +97,7 @@ class VotingNet:
             places=_rounded(decoded.places[:_JOINT_COUNT]),
             sigma=_rounded(sigma[:_JOINT_COUNT]),
             confidence=_rounded(confidence),
-            heels=_rounded(np.column_stack([decoded.places, sigma])[_JOINT_COUNT:]),
+            heels=_rounded(np.concatenate([decoded.places, sigma], axis=1)[_JOINT_COUNT:]),
             sides=decoded.sides,
             probability=self.calibration.person.probability(crop.probability, codes.person),
             mask=CropMask(codes.mask, sample.view),

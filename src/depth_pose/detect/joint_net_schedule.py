@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.measurement import JointMeasurement
+from depth_pose.core.rotations import length_of
 from depth_pose.core.stamps import MAX_REUSE_NS
 from depth_pose.core.threads import ONE_THREAD, Threads
 from depth_pose.detect import _motion_kernels as kernels
@@ -161,8 +162,8 @@ class JointNetSchedule:
 
     def _before(self, person: TorsoDetection) -> Look | None:
         """Return the last measurement of a person; None if no one, or more than one, was near that place."""
-        near = [k for k in self._looks if np.linalg.norm(k.torso - person.torso) < _APART_M]
-        alone = len(near) == 1 and np.linalg.norm(near[0].torso - person.torso) < _MOVED_M
+        near = [k for k in self._looks if length_of(k.torso - person.torso) < _APART_M]
+        alone = len(near) == 1 and length_of(near[0].torso - person.torso) < _MOVED_M
         return near[0] if alone else None
 
     def _may_rest(self, last: Look, stamp_ns: int) -> bool:

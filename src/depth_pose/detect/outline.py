@@ -66,5 +66,6 @@ def spread(net_values: NDArray[Any], image: NetImage, camera: Camera) -> NDArray
     ratio = image.camera.fx / camera.fx
     rows = np.rint((np.arange(camera.height) - camera.cy) * ratio + image.camera.cy).astype(np.int64)
     cols = np.rint((np.arange(camera.width) - camera.cx) * ratio + image.camera.cx).astype(np.int64)
-    rows, cols = rows.clip(0, image.rows - 1), cols.clip(0, image.cols - 1)
+    rows = np.minimum(np.maximum(rows, 0), image.rows - 1)
+    cols = np.minimum(np.maximum(cols, 0), image.cols - 1)
     return net_values.take(rows, axis=0).take(cols, axis=1)

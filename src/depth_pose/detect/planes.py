@@ -103,7 +103,7 @@ class _Samples:
             if count < 10:
                 break
             variances, axes = np.linalg.eigh(covariance)
-            plane = np.append(axes[:, 0], axes[:, 0] @ middle)
+            plane = np.array([*axes[:, 0], axes[:, 0] @ middle])
             width = float(np.sqrt(max(variances[1], 0.0)))  # along the narrower side
         is_plane = _is_large(plane, area, width)
         if is_plane:  # its noisy points must not form another plane

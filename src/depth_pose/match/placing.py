@@ -72,7 +72,7 @@ class Placed(NamedTuple):
 
     def take(self, rows: NDArray[np.int64]) -> Placed:
         """Return a subset in the order of ``rows``."""
-        return Placed._make(column[rows] for column in self)
+        return Placed._make([column[rows] for column in self])
 
     def moved(self) -> Placed:
         """Return a copy translated by the shifts."""
@@ -80,7 +80,7 @@ class Placed(NamedTuple):
 
     def ranking(self) -> NDArray[np.int64]:
         """Return the row indices by score, the best first."""
-        return np.argsort(self.scores, kind="stable")
+        return self.scores.argsort(kind="stable")
 
 
 def place_exemplars(views: ExemplarViews, nearest: Nearest, axes: CanonicalAxes, scale: float) -> Placed:
@@ -123,7 +123,7 @@ def join(parts: Sequence[Placed]) -> Placed:
     """Concatenate several in order."""
     if len(parts) == 1:
         return parts[0]
-    return Placed._make(np.concatenate(columns) for columns in zip(*parts, strict=True))
+    return Placed._make([np.concatenate(columns) for columns in zip(*parts, strict=True)])
 
 
 class ExemplarRenderer:
@@ -136,9 +136,9 @@ class ExemplarRenderer:
     def compare(self, placed: Placed, scale: float, observed: Observation) -> Placed:
         """Score exemplars where they are placed, and estimate their offsets."""
         compared = placed._replace(
-            scores=np.empty_like(placed.scores),
-            shifts=np.empty_like(placed.shifts),
-            nodes=np.empty_like(placed.nodes),
+            scores=np.empty(placed.scores.shape),
+            shifts=np.empty(placed.shifts.shape),
+            nodes=np.empty(placed.nodes.shape),
         )
         kernels.score(compared, self._quats, self._skin, scale, observed, SCORE_BAND_M)
         return compared

@@ -53,7 +53,7 @@ class ProposedExemplars:
         near = self._nearest(named, weights, scale)
         rows = np.repeat([0, 1], near.shape[1])
         gaps, turns, roots = _lay(scale * self._joints[near.ravel()], named[rows], weights[rows])
-        best = np.argsort(gaps.reshape(near.shape), axis=1, kind="stable")
+        best = gaps.reshape(near.shape).argsort(axis=1, kind="stable")
         taken = np.concatenate([n * near.shape[1] + best[n, :count] for n, count in enumerate(_TAKEN)])
         return unscored(near.ravel()[taken], turns[taken], roots[taken])
 
@@ -96,7 +96,11 @@ def _trunk(joints: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
     up = _unit(joints[:, _NECK] - joints[:, _PELVIS])
     across = joints[:, _LEFT].mean(axis=1) - joints[:, _RIGHT].mean(axis=1)
     across = _unit(across - (across * up).sum(axis=1, keepdims=True) * up)
-    axes = np.stack([across, up, np.cross(across, up)], axis=2)
+    axes = np.empty((len(joints), 3, 3))
+    axes[:, :, 0], axes[:, :, 1] = across, up
+    for a in range(3):
+        b, c = (a + 1) % 3, (a + 2) % 3
+        axes[:, a, 2] = across[:, b] * up[:, c] - across[:, c] * up[:, b]
     return axes, joints[:, _LEFT + _RIGHT].mean(axis=1)
 
 

@@ -15,6 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from depth_pose.body.pose import BodyPose
+from depth_pose.core.medians import median_of
 from depth_pose.match.tuning import MatchTuning
 from depth_pose.track.person_view import PersonView
 from depth_pose.track.state import SizeSearch
@@ -88,7 +89,7 @@ class SizeFinder:
             return (
                 SizeSearch() if search.is_partial and whole >= _WHOLE_FRAMES else search._replace(whole=whole)
             )
-        shown = len(person.points) * float(np.median(person.points[:, 2])) ** 2
+        shown = len(person.points) * float(median_of(person.points[:, 2].copy())) ** 2
         if search.is_partial and shown > _MORE * search.shown:
             return SizeSearch(is_partial=True, shown=shown)
         if not search.is_partial and not self.is_known(search):

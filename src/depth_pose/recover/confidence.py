@@ -103,6 +103,7 @@ SKELETON_SIGNS = {
 a person, in rooms, by ``benchmarks/accuracy.py confidence --rooms``. The distance from the proposals is
 weighted by their confidence; the rendered-depth score enters through the joints' confidence."""
 
+_SEEN = int(JointState.SEEN)
 _LEAST_SEEN = 4
 """With fewer visible joints, a skeleton's confidence covers all joints."""
 
@@ -174,7 +175,7 @@ def skeleton_signs(
 
 def joints_that_count(states: NDArray[np.uint8]) -> NDArray[np.bool_]:
     """Return which joints (19,) a skeleton's confidence covers: visible ones, or all if few are visible."""
-    seen = states == JointState.SEEN
+    seen = states == _SEEN
     return seen if seen.sum() >= _LEAST_SEEN else np.ones_like(seen)
 
 
@@ -239,8 +240,10 @@ def _proposal_signs(positions: NDArray[np.float64], measured: JointMeasurement |
         return np.tile([0.0, _UNMEASURED], (len(positions), 1))
     sure = measured.confidence.astype(np.float64)
     apart = np.linalg.norm(positions - measured.places, axis=1) / _APART_UNIT_M
-    chance = sure.clip(_LEAST_CHANCE, 1.0 - _LEAST_CHANCE)
-    return np.stack([np.minimum(apart, _MOST_APART) * sure, np.log(chance / (1.0 - chance))], axis=1)
+    chance = np.minimum(np.maximum(sure, _LEAST_CHANCE), 1.0 - _LEAST_CHANCE)
+    signs = np.empty((len(positions), 2))
+    signs[:, 0], signs[:, 1] = np.minimum(apart, _MOST_APART) * sure, np.log(chance / (1.0 - chance))
+    return signs
 
 
 def report_joints(

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from depth_pose.body.angles import ANGLES, HANG
 from depth_pose.body.body import Body
 from depth_pose.body.pose import Fitted
-from depth_pose.core.rotations import rotation_y
+from depth_pose.core.rotations import length_of, rotation_y
 from depth_pose.core.skeleton import BONES, JOINT_NODES, JOINTS, NODE_INDEX
 from depth_pose.recover import _failure_kernels as kernels
 from depth_pose.recover.confidence import fit_confidence
@@ -163,7 +163,7 @@ class FailureCheck:
         now = bone_lengths(fitted.joints) / scale
         change = np.abs(now / before - 1.0)
         change[np.abs(now - before) * scale < _LEAST_CHANGE_M] = 0.0
-        b = int(np.argmax(change))
+        b = int(change.argmax())
         if change[b] <= allowed:
             return None
         start, end = (JOINTS[j] for j in BONES[b])
@@ -175,7 +175,7 @@ class FailureCheck:
 
     def _bent_too_far(self, fitted: Fitted) -> Failure | None:
         excess = limit_excess(self.body, fitted)
-        a = int(np.argmax(excess))
+        a = int(excess.argmax())
         if excess[a] <= self.tuning.angle_excess:
             return None
         return Failure(
@@ -190,7 +190,7 @@ class FailureCheck:
         seconds = (fitted.stamp_ns - before.stamp_ns) * 1e-9
         way = np.linalg.norm(fitted.joints - before.joints, axis=1)
         allowed = _JUMP_M + self.tuning.joint_speed * seconds
-        j = int(np.argmax(way))
+        j = int(way.argmax())
         if way[j] <= allowed:
             return None
         return Failure(
@@ -236,7 +236,7 @@ def limit_excess(body: Body, fitted: Fitted) -> NDArray[np.float64]:
     for upper, lower, end, rest_to_hanging, forward in _HINGES:
         frame = rotations[upper] @ rest_to_hanging.T
         bone = body.nodes[end] - body.nodes[lower]
-        x, _, z = frame.T @ rotations[lower] @ (bone / np.linalg.norm(bone)) * forward
+        x, _, z = frame.T @ rotations[lower] @ (bone / length_of(bone)) * forward
         if np.hypot(x, z) > _BENT:
             rotations[upper] = frame @ rotation_y(np.arctan2(x, z)) @ rest_to_hanging
     return excess_of(rotations)

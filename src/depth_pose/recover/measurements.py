@@ -44,6 +44,7 @@ _LEAST, _MOST = 0.02, 0.998
 _SHARED_M = 0.02
 """Standard deviation (m) added to each proposal's; flat between .01 and .04."""
 
+_SEEN = int(JointState.SEEN)
 _UNSEEN = 1.4
 """Factor on the deviations of joints that are hidden or outside of the image; chosen on 22 clips."""
 
@@ -88,7 +89,7 @@ def weigh_joints(
     gap : float
         Mean depth difference of the fit, metres; only the disagreement counts if it is left out.
     """
-    doubt = 1.0 / np.clip(confidence, _LEAST, _MOST) - 1.0
+    doubt = 1.0 / np.minimum(np.maximum(confidence, _LEAST), _MOST) - 1.0
     rise = min(_FIT_RISE_M * max(0.0, score - _FIT_SCORE), _GAP_RISE * max(0.0, gap - _GAP_M))
     whole = _FIT_M**2 + rise**2
     of_fit = (whole + _EVEN_M**2 * doubt)[:, None]
@@ -118,6 +119,6 @@ def covariances(
         `depth_pose.core.skeleton.JointState` values; what is not seen is wider (`_UNSEEN`).
     """
     ray = joints / np.linalg.norm(joints, axis=1, keepdims=True)
-    widened = np.where(states == JointState.SEEN, 1.0, _UNSEEN**2)
+    widened = np.where(states == _SEEN, 1.0, _UNSEEN**2)
     across, along = (widened * variance.T)[..., None, None]
     return across * np.eye(3) + (along - across) * ray[:, :, None] * ray[:, None, :]

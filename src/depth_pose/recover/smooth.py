@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,13 +48,13 @@ def low_pass(
     if state.stamp_ns is None or stamp_ns <= state.stamp_ns:
         return FilterState(stamp_ns, positions, np.zeros_like(positions), np.zeros_like(positions))
     dt = (stamp_ns - state.stamp_ns) * 1e-9
-    share = _share(np.full(1, SPEED_CUTOFF_HZ), dt)
+    share = _share(SPEED_CUTOFF_HZ, dt)
     velocity = state.velocity + share * ((positions - state.positions) / dt - state.velocity)
     cutoff = config.min_cutoff + config.beta * np.linalg.norm(velocity, axis=1)
     filtered = positions
     if config.enabled:
         filtered = state.positions + _share(cutoff, dt)[:, None] * (positions - state.positions)
-    share = _share(np.full(1, MOTION_CUTOFF_HZ), dt)
+    share = _share(MOTION_CUTOFF_HZ, dt)
     motion = state.motion + share * ((filtered - state.positions) / dt - state.motion)
     return FilterState(stamp_ns, filtered, velocity, motion)
 
@@ -76,6 +77,6 @@ def with_motion(skeleton: Skeleton, before: FilterState, now: FilterState) -> Sk
     )
 
 
-def _share(cutoff: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
+def _share(cutoff: Any, dt: float) -> Any:
     """Compute the weight of a new sample in a first-order low-pass."""
     return 1.0 / (1.0 + 1.0 / (2.0 * math.pi * cutoff * dt))

@@ -86,11 +86,25 @@ class Fits(NamedTuple):
 
 
 @njit(cache=True)
-def fit_starts(target, body, settings, sigmas, skinned, criteria, fits):
-    """Fit a body from several starts; pose the whole skin, and score it."""
+def fit_start(target, body, settings, sigmas, skinned, criteria, fits, s):
+    """Fit a body from start ``s``; pose the whole skin, and score it."""
+    rotations, root, scale = fits.rotations[s], fits.roots[s], fits.scales[s]
+    vertices, nodes = fits.vertices[s], fits.nodes[s]
+    fit(target, body, settings, sigmas, scale, rotations, root)
+    skin(skinned, rotations, root, scale, vertices, nodes)
+    score_body(criteria, vertices, skinned.faces, nodes, scale, fits.scores[s])
+
+
+@njit(cache=True)
+def fit_best(target, body, settings, levels, skinned, criteria, count, fits):
+    """Fit roughly the ``count`` starts that are best after a glance; return the number of the best fit."""
     for s in range(fits.scales.shape[0]):
-        rotations, root, scale = fits.rotations[s], fits.roots[s], fits.scales[s]
-        vertices, nodes = fits.vertices[s], fits.nodes[s]
-        fit(target, body, settings, sigmas, scale, rotations, root)
-        skin(skinned, rotations, root, scale, vertices, nodes)
-        score_body(criteria, vertices, skinned.faces, nodes, scale, fits.scores[s])
+        fit_start(target, body, settings, levels.glance, skinned, criteria, fits, s)
+    glances, best = fits.scores[:, 0].copy(), -1
+    for _ in range(min(count, glances.shape[0])):
+        s = int(np.argmin(glances))
+        glances[s] = np.inf
+        fit_start(target, body, settings, levels.rough, skinned, criteria, fits, s)
+        if best < 0 or fits.scores[s, 0] < fits.scores[best, 0]:
+            best = s
+    return best

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.body import Body
-from depth_pose.body.build import BuildSpace, build_space
+from depth_pose.body.build import KEPT, BuildSpace, build_space
 from depth_pose.body.coarsen import coarsen
 from depth_pose.body.pose import BodyPose, FittedBody
-from depth_pose.core.skeleton import Nodes
-from depth_pose.refine._score_kernels import Criteria, Fits, fit_starts
+from depth_pose.core.skeleton import NODES, Nodes
+from depth_pose.refine._score_kernels import Criteria, Fits, fit_best, fit_start
 from depth_pose.refine.articulated import ArticulatedFitter
 from depth_pose.refine.objective import Objective, Score
-from depth_pose.refine.solver import Hypothesis, Problem, ScoredFit
+from depth_pose.refine.solver import Hypothesis, Problem, ScoredFit, Source
 from depth_pose.refine.tuning import FitTuning
 from depth_pose.track.person_view import PersonView
 from depth_pose.track.target import FitTarget
@@ -70,42 +71,43 @@ class ArticulatedFits:
         self._fine, self._coarse, self._target, self._criteria = fine, coarse, target, criteria
         self.vary = vary
 
-    def glance(self, starts: Sequence[Hypothesis]) -> list[ScoredFit]:
-        """Run short fits, precise enough to rank the starts."""
-        return self._fit(self._coarse, self._coarse.levels.glance, starts)
+    def rough(self, start: Hypothesis) -> ScoredFit:
+        """Run a rough fit, precise enough to choose between a few starts."""
+        return self._fit(self._coarse, self._coarse.levels.rough, start)
 
-    def rough(self, starts: Sequence[Hypothesis]) -> list[ScoredFit]:
-        """Run rough fits, precise enough to choose between a few starts."""
-        return self._fit(self._coarse, self._coarse.levels.rough, starts)
+    def best(self, starts: Sequence[Hypothesis], count: int) -> ScoredFit:
+        """Return the best of the rough fits of the ``count`` starts that are best after a glance."""
+        fits, few, skin = self._begin(starts), self._coarse, self._fine.body.skin
+        k = fit_best(
+            self._target, few.articulation, few.settings, few.levels, skin, self._criteria, count, fits
+        )
+        return _scored(fits, k, starts[k].source)
 
     def fine(self, fitted: ScoredFit) -> ScoredFit:
         """Refine a rough fit to full precision."""
         start = Hypothesis(fitted.body.pose, fitted.source)
-        return self._fit(self._fine, self._fine.levels.fine, [start])[0]
+        return self._fit(self._fine, self._fine.levels.fine, start)
 
-    def _fit(
-        self, fitter: ArticulatedFitter, sigmas: NDArray[np.float64], starts: Sequence[Hypothesis]
-    ) -> list[ScoredFit]:
-        if not starts:
-            return []
-        poses, count, whole = [start.pose for start in starts], len(starts), self._fine.body
-        fits = Fits(
-            np.array([pose.rotations for pose in poses]),
-            np.array([pose.root for pose in poses]),
-            np.array([pose.scale for pose in poses]),
-            np.empty((count, *whole.vertices.shape)),
-            np.empty((count, *whole.nodes.shape)),
-            np.empty((count, len(Score._fields))),
-        )
-        fit_starts(
-            self._target, fitter.articulation, fitter.settings, sigmas, whole.skin, self._criteria, fits
-        )
-        return [
-            ScoredFit(FittedBody(BodyPose(r, root, scale), v, Nodes(n)), Score(*score), start.source)
-            for start, r, root, scale, v, n, score in zip(
-                starts, *fits[:2], fits.scales.tolist(), *fits[3:5], fits.scores.tolist(), strict=True
-            )
-        ]
+    def _fit(self, fitter: ArticulatedFitter, sigmas: NDArray[np.float64], start: Hypothesis) -> ScoredFit:
+        fits, skin = self._begin([start]), self._fine.body.skin
+        fit_start(self._target, fitter.articulation, fitter.settings, sigmas, skin, self._criteria, fits, 0)
+        return _scored(fits, 0, start.source)
+
+    def _begin(self, starts: Sequence[Hypothesis]) -> Fits:
+        """Return the arrays of fits, with the starts."""
+        whole = self._fine.body
+        shapes = (len(NODES), 3, 3), (3,), (), whole.vertices.shape, whole.nodes.shape, (len(Score._fields),)
+        fits = Fits(*[np.empty((len(starts), *shape)) for shape in shapes])
+        for s, (pose, _) in enumerate(starts):
+            fits.rotations[s], fits.roots[s], fits.scales[s] = pose.rotations, pose.root, pose.scale
+        return fits
+
+
+def _scored(fits: Fits, s: int, source: Source) -> ScoredFit:
+    """Return one of several fits."""
+    pose = BodyPose(fits.rotations[s], fits.roots[s], float(fits.scales[s]))
+    body = FittedBody(pose, fits.vertices[s], Nodes(fits.nodes[s]))
+    return ScoredFit(body, Score(*fits.scores[s].tolist()), source)
 
 
 class BodyFitter:
@@ -128,6 +130,7 @@ class BodyFitter:
         self.template = ArticulatedFitter(body, tuning)
         self._few = BuildSpace(coarsen(body, _VERTICES))
         self._coarse = ArticulatedFitter(self._few.template, tuning)
+        self._both = lru_cache(maxsize=KEPT)(self._both_of)
 
     def of(self, build: NDArray[np.float32]) -> ArticulatedFitter:
         """Return the fitter of one build (13,)."""
@@ -151,4 +154,8 @@ class BodyFitter:
 
     def both_of(self, build: NDArray[np.float32]) -> tuple[ArticulatedFitter, ArticulatedFitter]:
         """Return the fitters of one build (13,), with the whole mesh and with a coarse one."""
+        return self._both(build.tobytes())
+
+    def _both_of(self, values: bytes) -> tuple[ArticulatedFitter, ArticulatedFitter]:
+        build = np.frombuffer(values, np.float32)
         return self.of(build), self._coarse.of(self._few.body(build))

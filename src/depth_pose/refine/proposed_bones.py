@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.build import BUILD_NAMES, BuildSpace
+from depth_pose.body.build import BUILD_NAMES, BuildSpace, combine
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES
 from depth_pose.refine.running_median import Bins
 from depth_pose.refine.upright_stance import SUREST, Standing
@@ -133,5 +133,5 @@ class ProposedBones:
 
     def _lengths(self, x: Array) -> Array:
         """Compute the log bone lengths (m) of a build, (10,)."""
-        bones = self._rest + np.tensordot(x[1:], self._parts, 1)
+        bones = self._rest + combine(x[1:], self._parts)
         return np.asarray(x[0] + np.log(np.linalg.norm(bones, axis=1)))

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from depth_pose.body.build import BUILD_NAMES, BuildSpace
 from depth_pose.body.pose import FittedBody
+from depth_pose.core.rotations import length_of
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, NODE_INDEX
 from depth_pose.refine.proposed_bones import FIRST_FRAMES
 from depth_pose.refine.running_median import Bins
@@ -83,7 +84,7 @@ class TrunkSkin:
         """Compute the depth of a frame's proposed joints in a fitted body with this build, (13,)."""
         nodes, pose, weights = fitted.nodes[_NODES], fitted.pose, standing.weights[_JOINTS]
         ray = nodes.mean(axis=0)
-        ray /= np.linalg.norm(ray)
+        ray /= length_of(ray)
         deeper = (standing.places[_JOINTS] - nodes) @ ray
         back = -(ray @ pose.rotations)[self._segment]  # direction to the camera in each segment's rest frame
         facing = np.maximum((self._normals * back).sum(axis=1), 0.0)
@@ -113,7 +114,7 @@ def observe_depth(told: Histogram, row_sum: Array, information: Array, vector: A
     if total < FIRST_FRAMES:
         return information, vector
     row, depth = row_sum / total, float(DEPTHS.medians(told)[0])
-    solved = np.linalg.solve(information, np.stack([vector, row], axis=1))
+    solved = np.linalg.solve(information, np.array([vector, row]).T)
     objects = max(0.0, depth - float(row @ solved[:, 0]) - _BELIEVED_M)
     weight = (2.0 * objects / _ERROR_M) ** 2 / float(row @ solved[:, 1])
     return information + weight * np.outer(row, row), vector + weight * depth * row

@@ -134,10 +134,9 @@ class Refiner:
             state = state._replace(answer=state.answer._replace(pose=None))
             return state, Fitted.lost(person.stamp_ns, person.body_id)
         shape = self.builds.begin(state.shape, match.scale)
-        state = state._replace(shape=shape)
         # the previous answer, and exemplars of the bank (Sec. 5)
-        starts = from_previous(state) if self.tuning.track else []
-        starts += from_exemplars(match, state, self.bank)
+        starts = from_previous(state.answer.pose, shape.scale) if self.tuning.track else []
+        starts += from_exemplars(match, shape.scale, self.bank)
         best = solve(
             starts,
             self._problem(person, shape, state.answer.noise),

@@ -26,7 +26,8 @@ class Bins(NamedTuple):
 
     def add(self, histogram: Histogram, values: Array, weights: Array) -> Histogram:
         """Return the histogram with a frame's values and weights, (rows,) each."""
-        bins = np.clip(((values - self.first) / self.step).astype(np.int64), 0, self.steps - 1)
+        bins = ((values - self.first) / self.step).astype(np.int64)
+        bins = np.minimum(np.maximum(bins, 0), self.steps - 1)
         counts = histogram.counts.copy()
         counts[np.arange(self.rows), bins] += weights
         return Histogram(counts, histogram.total + weights)

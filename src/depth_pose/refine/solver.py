@@ -70,11 +70,11 @@ class ScoredFit(NamedTuple):
 class Problem(Protocol):
     """One person in one frame, seen by one camera or by several: what a solver needs to know."""
 
-    def glance(self, starts: Sequence[Hypothesis]) -> list[ScoredFit]:
-        """Run short fits, precise enough to rank the starts."""
+    def rough(self, start: Hypothesis) -> ScoredFit:
+        """Run a rough fit, precise enough to choose between a few starts."""
 
-    def rough(self, starts: Sequence[Hypothesis]) -> list[ScoredFit]:
-        """Run rough fits, precise enough to choose between a few starts."""
+    def best(self, starts: Sequence[Hypothesis], count: int) -> ScoredFit:
+        """Return the best of the rough fits of the ``count`` starts that are best after a glance."""
 
     def fine(self, fitted: ScoredFit) -> ScoredFit:
         """Refine a rough fit to full precision."""
@@ -100,13 +100,15 @@ class SingleFits:
     score: Callable[[FittedBody], Score]
     vary: Callable[[FittedBody], list[Hypothesis]] = lambda _: []
 
-    def glance(self, starts: Sequence[Hypothesis]) -> list[ScoredFit]:
-        """Run short fits, precise enough to rank the starts."""
-        return [self._scored(self.fit.glance(start.pose), start.source) for start in starts]
+    def rough(self, start: Hypothesis) -> ScoredFit:
+        """Run a rough fit."""
+        return self._scored(self.fit.rough(start.pose), start.source)
 
-    def rough(self, starts: Sequence[Hypothesis]) -> list[ScoredFit]:
-        """Run rough fits, precise enough to choose between a few starts."""
-        return [self._scored(self.fit.rough(start.pose), start.source) for start in starts]
+    def best(self, starts: Sequence[Hypothesis], count: int) -> ScoredFit:
+        """Return the best of the rough fits of the ``count`` starts that are best after a glance."""
+        glances = [self._scored(self.fit.glance(start.pose), start.source) for start in starts]
+        chosen = sorted(glances, key=_BY_SCORE)[:count]
+        return min([self.rough(Hypothesis(g.body.pose, g.source)) for g in chosen], key=_BY_SCORE)
 
     def fine(self, fitted: ScoredFit) -> ScoredFit:
         """Refine a rough fit to full precision."""
@@ -131,25 +133,19 @@ def solve(
     is_calm : bool
         Whether hardly anything has moved since the person was measured: no other start is tried.
     """
-    fits = problem.rough([h for h in starts if h.source in _FOLLOWED])
+    fits = [problem.rough(h) for h in starts if h.source in _FOLLOWED]
     if fits and (is_calm or (is_measured and fits[0].terms.away < _CALM)):
         return _finish(fits[0], problem)
     if fresh := [h for h in starts if h.source not in _FOLLOWED]:
-        fits.append(_fit_best(fresh, problem, _ROUGHS if is_measured else _UNMEASURED_ROUGHS))
+        fits.append(problem.best(fresh, _ROUGHS if is_measured else _UNMEASURED_ROUGHS))
     fits = [_turn_limbs(fit, problem) for fit in fits]
     return _finish(min(fits, key=_BY_SCORE), problem)
-
-
-def _fit_best(starts: Sequence[Hypothesis], problem: Problem, count: int = 1) -> ScoredFit:
-    """Return the best of the rough fits of the ``count`` starts that are best after a glance."""
-    best = sorted(problem.glance(starts), key=_BY_SCORE)[:count]
-    return min(problem.rough([Hypothesis(g.body.pose, g.source) for g in best]), key=_BY_SCORE)
 
 
 def _turn_limbs(fitted: ScoredFit, problem: Problem) -> ScoredFit:
     """Replace arms or legs if the fit improves."""
     starts = problem.vary(fitted.body)
-    return min(fitted, _fit_best(starts, problem), key=_BY_SCORE) if starts else fitted
+    return min(fitted, problem.best(starts, 1), key=_BY_SCORE) if starts else fitted
 
 
 def _finish(rough: ScoredFit, problem: Problem) -> ScoredFit:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,7 +14,6 @@ from depth_pose.core.skeleton import JOINTS
 from depth_pose.refine import _aim_kernels as kernels
 from depth_pose.refine.skeleton_pose import AIMED
 from depth_pose.refine.solver import Hypothesis
-from depth_pose.track.state import PersonState
 
 
 def _of_limbs(*names: str) -> NDArray[np.bool_]:
@@ -32,15 +29,14 @@ _SURE = 0.2
 development clips."""
 
 
-def from_previous(state: PersonState) -> list[Hypothesis]:
+def from_previous(pose: BodyPose | None, scale: float) -> list[Hypothesis]:
     """Return the fit of the frame before, at the size in use; none in the first frame."""
-    pose = state.answer.pose
-    return [] if pose is None else [Hypothesis(replace(pose, scale=state.shape.scale), "previous")]
+    return [] if pose is None else [Hypothesis(BodyPose(pose.rotations, pose.root, scale), "previous")]
 
 
-def from_exemplars(match: PoseMatch, state: PersonState, bank: Bank) -> list[Hypothesis]:
+def from_exemplars(match: PoseMatch, scale: float, bank: Bank) -> list[Hypothesis]:
     """Return the matched exemplars, at the size in use."""
-    return [Hypothesis(bank.pose(c, state.shape.scale), "exemplar") for c in match.candidates]
+    return [Hypothesis(bank.pose(c, scale), "exemplar") for c in match.candidates]
 
 
 def from_joints(body: Body, pose: BodyPose, measured: JointMeasurement | None) -> list[Hypothesis]:

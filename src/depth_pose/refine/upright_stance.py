@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.measurement import Proposals
+from depth_pose.core.rotations import length_of
 from depth_pose.core.skeleton import JOINT_INDEX, NODE_INDEX, Nodes
 from depth_pose.refine._aim_kernels import nearer_naming
 
@@ -70,7 +71,7 @@ def _stands(nodes: Nodes) -> float:
 
     def way(start: str, end: str) -> Array:
         bone = nodes[NODE_INDEX[end]] - nodes[NODE_INDEX[start]]
-        return np.asarray(bone / np.linalg.norm(bone))
+        return np.asarray(bone / length_of(bone))
 
     trunk = way("neck", "pelvis")
     if trunk[1] < _UPRIGHT:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.rotations import length_of
 from depth_pose.core.zone import Zone
 
 _SLACK_M = 0.2
@@ -64,7 +65,7 @@ class PeopleChoice:
             slack = _SLACK_M if name in self._served else 0.0
             x, y, z = (self._rotation @ place).tolist()
             if self._zone.holds(x, y, z, slack):
-                distances[name] = float(np.linalg.norm(place)) - slack
+                distances[name] = length_of(place) - slack
             else:
                 self.left_out["outside the zone"] += 1
         nearest = sorted(distances, key=distances.__getitem__)[: self._most or None]

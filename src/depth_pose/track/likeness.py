@@ -259,7 +259,7 @@ def pose_gain(track: Traits, seen: Traits, gap_s: float) -> float:
     weight /= weight.sum()
     way = seen.joints - track.joints
     way -= weight @ way
-    apart = math.sqrt(float(weight @ np.einsum("jk,jk->j", way, way)))
+    apart = math.sqrt(float(weight @ (way * way).sum(axis=1)))
     ratio = _normal(apart, spread) / _normal(apart, _ANY_POSE_M)
     return math.log((1.0 - _ODD_POSES) * ratio + _ODD_POSES)
 

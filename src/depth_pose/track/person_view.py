@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from depth_pose.body.rendered_depth import DepthComparer, Observation, nearest_person_pixels
 from depth_pose.core.camera import Camera
 from depth_pose.core.measurement import NO_PROPOSALS, JointMeasurement, both_namings
+from depth_pose.core.medians import median_of
 from depth_pose.core.skeleton import JOINT_INDEX
 from depth_pose.track import _person_kernels as kernels
 from depth_pose.track.target import FitTarget
@@ -217,7 +218,7 @@ def _see_person(
     window = Observation(
         np.empty(own.shape, np.float32), own, camera.cropped(left, top, right - left, bottom - top)
     )
-    distance = float(np.median(depths.astype(np.float64)))
+    distance = float(median_of(depths.astype(np.float64)))
     kernels.cut_window(depth, labels, found.label, distance, top, left, window.depth, own)
     points = np.empty((count, 3))
     kernels.window_points(window.depth, own, camera, top, left, np.inf, points)

@@ -19,6 +19,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
 from depth_pose.core.odds import logit
+from depth_pose.core.rotations import length_of
 from depth_pose.detect.segmentation import Detection
 from depth_pose.track import likeness
 from depth_pose.track.likeness import Size, Traits
@@ -95,8 +96,8 @@ class _Track:
         self.evidence = self.evidence.seen(
             logit(detection.probability),
             seconds,
-            float(np.linalg.norm(seen.place - self.first)),
-            float(np.linalg.norm(seen.place)),
+            length_of(seen.place - self.first),
+            length_of(seen.place),
             None if detection.measured is None else float(detection.measured.sigma[:, 0].mean()),
         )
         if seen.size is not None and self.detections > 1:
@@ -105,7 +106,7 @@ class _Track:
             share = 1.0 - (1.0 - _VELOCITY_SHARE) ** (seconds / _VELOCITY_S)
             way = seen.place - self.traits.place
             self.velocity = self.velocity + share * (way / seconds - self.velocity)
-            speed = float(np.linalg.norm(self.velocity))
+            speed = length_of(self.velocity)
             self.velocity *= min(1.0, _MOST_SPEED_M_S / max(speed, 1e-6))
         self.traits, self.seen_ns = seen, stamp_ns
 
@@ -175,8 +176,10 @@ class PeopleTracks:
 
     def probability(self, body_id: str) -> float:
         """Return the person probability of a track, from all detections; 0 without a track."""
-        tracks = (t for t in self._tracks if _name(t) == body_id)
-        return next((self._odds.before_fit(t.evidence) for t in tracks), 0.0)
+        for track in self._tracks:
+            if _name(track) == body_id:
+                return self._odds.before_fit(track.evidence)
+        return 0.0
 
     def _believe(self, track: _Track, detection: Detection, stamp_ns: int) -> None:
         """Assign a number to a confirmed track: that of a hidden person, or a new one."""
