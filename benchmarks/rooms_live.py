@@ -171,8 +171,9 @@ def live(name: Path, seconds: float, loss: tuple[float, float]) -> None:
         answers = {m[0] - begin_ns: [msg_to_skeleton(s) for s in m[2]] for m in heard}
         errors, seen = joint_errors(truth, answers)
         counts = Counter(len(m[2]) for m in heard)
-        cells = [errors.mean(), errors[seen[:, 0]].mean(), errors[~seen[:, 0]].mean()]
-        print(f"| {label} | " + " | ".join(f"{1e3 * c:.0f} mm" for c in cells) + f" | {dict(counts)} |")
+        kinds = (errors, errors[seen[:, 0]], errors[~seen[:, 0]])
+        cells = [f"{1e3 * e.mean():.0f} mm" if e.size else "none" for e in kinds]
+        print(f"| {label} | {' | '.join(cells)} | {dict(counts)} |")
     answers = {m[0] - begin_ns: [msg_to_skeleton(s) for s in m[2]] for m in room.room.messages}
     own, others = ids_of_people(truth, answers)
     print(f"\n{len(answers)} messages of the room")

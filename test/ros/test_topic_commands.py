@@ -9,6 +9,9 @@ from sensor_msgs.msg import CameraInfo, Image
 
 from depth_pose.ros.tools.topics import plain_values
 from depth_pose.ros.transport.tf import LATCHED
+from depth_pose.sim.config import Person
+from depth_pose.sim.motion import load_motion
+from depth_pose.sim.simulate import simulate
 
 TRIAL = Path(__file__).with_name("trial_node.py")
 
@@ -54,6 +57,17 @@ def test_parameters_are_listed_read_and_set(call, start):
     assert code == 2 and "has no parameter segment.fart" in output
     code, output = call("param", "list", "trail")
     assert code == 1 and "no node /depth_pose/trail runs" in output and "/depth_pose/trial" in output
+
+
+def test_parameters_are_listed_while_a_recording_plays(call, start, peer, tmp_path):
+    """The player has no parameters and would not answer."""
+    simulate(tmp_path / "in.mcap", Person().body(), load_motion("stand_casual", 5.0, 1.0))
+    node = start(TRIAL)
+    node.wait_for("is ready")
+    player = start("-m", "depth_pose.cli", "play", str(tmp_path / "in.mcap"), "--loop")
+    peer.until(lambda: "player" in peer.node.get_node_names(), what=lambda: player.output)
+    code, output = call("param", "list")
+    assert code == 0 and "/depth_pose/trial" in output and "player" not in output, output
 
 
 def test_long_arrays_are_cut():

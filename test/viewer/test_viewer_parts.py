@@ -125,7 +125,7 @@ def test_the_table_says_who_is_there():
     text = people_table([skeleton_at(0.0, 3.0, "body_7", confidence=0.66, hidden=4)], "body_7")
     row = text.splitlines()[2]
     assert [c.strip() for c in row.strip("|").split("|")][:2] == ["●", "body_7"]
-    assert "3.0 m" in row
+    assert "| 3.0 |" in row
     assert "0.66" in row
     assert "15/19" in row
     assert people_table((), "") != people_table(None, "")

@@ -41,7 +41,7 @@ def people_table(skeletons: Sequence[Skeleton] | None, followed: str, stamp_ns: 
         return "*no answer to this frame*"
     if not skeletons:
         return "*nobody in view*"
-    lines = ["| | id | away | size | sure | state | seen |", "|-|-|-|-|-|-|-|"]
+    lines = ["| | id | m away | m tall | sure | state | seen |", "|-|-|-|-|-|-|-|"]
     for s in skeletons:
         seen = int((s.joint_states == JointState.SEEN).sum())
         mark = "●" if s.body_id == followed else ""
@@ -49,7 +49,7 @@ def people_table(skeletons: Sequence[Skeleton] | None, followed: str, stamp_ns: 
         if stamp_ns is not None and s.stamp_ns != stamp_ns:
             state = f"{(stamp_ns - s.stamp_ns) * 1e-9:.1f} s ago"
         lines.append(
-            f"| {mark} | {_plain(s.body_id)} | {distance_m(s):.1f} m | {_size(s)} | {s.confidence:.2f} "
+            f"| {mark} | {_plain(s.body_id)} | {distance_m(s):.1f} | {_size(s)} | {s.confidence:.2f} "
             f"| {state} | {seen}/{len(s.positions)} |"
         )
     return "\n".join([*lines, "", "● followed, \\* own build known"])
@@ -58,7 +58,7 @@ def people_table(skeletons: Sequence[Skeleton] | None, followed: str, stamp_ns: 
 def _size(skeleton: Skeleton) -> str:
     """Stature of the average build of the person's size, and a star where their own is known."""
     own = "\\*" if skeleton.build.any() else ""
-    return f"{skeleton.scale * ADULT_STATURE_M:.2f} m{own}"
+    return f"{skeleton.scale * ADULT_STATURE_M:.2f}{own}"
 
 
 def nodes_table(nodes: Sequence[NodeState]) -> str:

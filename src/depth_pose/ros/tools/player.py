@@ -163,7 +163,9 @@ class Player:
         context = Context()
         init_context(context, args=[])
         try:
-            self._node = rclpy.create_node("player", namespace="depth_pose", context=context)
+            self._node = rclpy.create_node(
+                "player", namespace="depth_pose", context=context, start_parameter_services=False
+            )  # it is not spun, and would not answer
             keep_private()
             self._make_publishers()
             self._await_subscribers()
