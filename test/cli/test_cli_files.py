@@ -46,6 +46,20 @@ sys.exit(main())
 """
 
 
+_CTRL_C_IN_A_CALLBACK = """
+import ctypes, os, signal
+from depth_pose.cli import main
+from depth_pose.pipeline import PosePipeline
+signal.signal(signal.SIGINT, signal.default_int_handler)
+def called_by_the_compiler():
+    os.kill(os.getpid(), signal.SIGINT)
+    for _ in range(1000):
+        pass
+PosePipeline.warm_up = lambda self: ctypes.CFUNCTYPE(None)(called_by_the_compiler)()
+main()
+"""
+
+
 def _command(*arguments: str | Path) -> list[str]:
     return [sys.executable, "-m", "depth_pose.cli", *map(str, arguments)]
 
@@ -294,6 +308,17 @@ def test_ctrl_c_during_an_import(tmp_path: Path, bank_path: Path, module: str) -
     assert done.returncode == 130, done.stderr
     assert done.stderr.count("\n") <= 1 and "Traceback" not in done.stderr, done.stderr
     assert sorted(p.name for p in tmp_path.iterdir()) == ["in.mcap"]
+
+
+def test_ctrl_c_while_kernels_compile(tmp_path: Path, bank_path: Path) -> None:
+    """ctypes ignores an exception in a callback, as those of llvmlite: the command would go on."""
+    arguments = ["run", _record(tmp_path / "in.mcap"), "-o", tmp_path / "out.mcap", "--bank", bank_path]
+    command = [sys.executable, "-c", _CTRL_C_IN_A_CALLBACK, *map(str, arguments)]
+    done = subprocess.run(
+        command, capture_output=True, text=True, timeout=300, env=environment(), check=False
+    )
+    assert done.returncode == 130 and "Traceback" not in done.stderr, done.stderr
+    assert [p.name for p in tmp_path.iterdir()] == ["in.mcap"]
 
 
 def test_ctrl_c_is_ignored_where_the_shell_has_it_so(tmp_path: Path) -> None:

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterable
+import os
+import signal
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import typer
 from rich.markup import escape
 
+from depth_pose.cli import STOPPED
+from depth_pose.core import progress
 from depth_pose.core.errors import ConfigError
 from depth_pose.core.options import options
 from depth_pose.core.printable import printable, printable_lines
-from depth_pose.core.progress import SafeConsole, archive_bar, errors, loading, progress_bar
+from depth_pose.core.progress import SafeConsole, archive_bar, errors, progress_bar
 
 __all__ = [
     "archive_bar",
@@ -33,6 +38,25 @@ __all__ = [
 ]
 
 console = SafeConsole()
+
+
+@contextmanager
+def loading(what: str) -> Iterator[None]:
+    """Announce loading and compiling; Ctrl-C ends the process, as the compiler loses a KeyboardInterrupt."""
+
+    def stop(*_: object) -> None:
+        errors.show_cursor()
+        os._exit(STOPPED)
+
+    is_heard = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if is_heard:
+        signal.signal(signal.SIGINT, stop)
+    try:
+        with progress.loading(what):
+            yield
+    finally:
+        if is_heard:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def setting(config: type, name: str, *flags: str) -> Any:
