@@ -1,14 +1,15 @@
 """Constants: each one of the method halved and doubled, and what that changes.
 
     python benchmarks/accuracy.py constants DATA --frames 20
-    python benchmarks/accuracy.py constants DATA --only track detect.background
+    python benchmarks/accuracy.py constants DATA DATA2 --only track detect.background
 
-DATA is a folder of recordings with truth files, of one person or of several. Every number of
+DATA are folders of recordings with truth files, of one person or of several. Every number of
 `depth_pose.tuning.Tuning`, and every number in a module of detect, track, denoise, match, refine and recover
-that is no kernel, is a row: the change of the mean joint error (mm), of the share of joints within 10 cm
-(whoever is not found misses all), of the number of false people and of the processor time of a frame (ms),
-for half and for double. For the stages after detection, detection runs once. Constants that kernels have
-compiled in do not change here.
+that is no kernel and no index, is a row: the change of the mean joint error (mm), of the share of joints
+within 10 cm (whoever is not found misses all), of the numbers of false people and of changes of id, and of
+the processor time of a frame (ms), for half and for double. "same" is a run whose skeletons are equal bit for
+bit. For the stages after detection, detection runs once. Constants that kernels have compiled in do not
+change here.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from hashlib import sha256
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -84,12 +86,19 @@ def constants() -> Iterator[tuple[str, ModuleType, str, float]]:
 
 
 def defined(module: ModuleType) -> Iterator[str]:
-    """Give the variables that a module itself assigns: imported ones may size arrays elsewhere."""
-    for statement in ast.parse(inspect.getsource(module)).body:
+    """Give the variables that a module itself assigns, without indices: imported ones may size arrays."""
+    tree = ast.parse(inspect.getsource(module))
+    subscripts = [node.slice for node in ast.walk(tree) if isinstance(node, ast.Subscript)]
+    indices = {name for part in subscripts for name in _names(part)}
+    for statement in tree.body:
         if isinstance(statement, ast.Assign):
-            for name in ast.walk(ast.Tuple(statement.targets)):
-                if isinstance(name, ast.Name):
-                    yield name.id
+            for name in _names(ast.Tuple(statement.targets)):
+                if name not in indices:
+                    yield name
+
+
+def _names(tree: ast.AST) -> Iterator[str]:
+    return (node.id for node in ast.walk(tree) if isinstance(node, ast.Name))
 
 
 @contextmanager
@@ -103,9 +112,9 @@ def changed(module: ModuleType, name: str, value: float) -> Iterator[None]:
         setattr(module, name, before)
 
 
-def run(pipeline: PosePipeline, clips: list[Clip], *, whole: bool) -> np.ndarray:
-    """Return the mean error (mm), the share within 10 cm, false people and the time of a frame (ms)."""
-    matches, seconds, count = [], 0.0, 0
+def run(pipeline: PosePipeline, clips: list[Clip], *, whole: bool) -> tuple[np.ndarray, str]:
+    """Return error (mm), share within 10 cm, false people, changes of id, a frame's ms; and a digest."""
+    matches, seconds, count, digest = [], 0.0, 0, sha256()
     for clip in clips:
         pipeline.restart()
         answers = {}
@@ -117,38 +126,47 @@ def run(pipeline: PosePipeline, clips: list[Clip], *, whole: bool) -> np.ndarray
                 result = pipeline.answer(replace(people, persons=tuple(replace(p) for p in people.persons)))
             seconds += time.process_time() - start
             answers[frame.stamp_ns] = result.skeletons
+            for skeleton in result.skeletons:
+                digest.update(f"{skeleton.body_id} {skeleton.confidence}".encode())
+                digest.update(skeleton.positions.tobytes())
         matches.append(match_people(clip.truth, answers))
         count += len(clip.frames)
     score = score_matches(matches)
-    return np.array([score.mean_error_mm, score.pck10, score.false, 1e3 * seconds / count])
+    numbers = [score.mean_error_mm, score.pck10, score.false, score.switches, 1e3 * seconds / count]
+    return np.array(numbers), digest.hexdigest()
 
 
 def main() -> None:
     """Run and report."""
     parser = make_parser(__doc__)
-    parser.add_argument("data", type=Path, help="folder of NAME.mcap with NAME.npz")
+    parser.add_argument("data", type=Path, nargs="+", help="folders of NAME.mcap with NAME.npz")
     parser.add_argument("--frames", type=int, default=20, help="of each recording, from its beginning")
     parser.add_argument("--only", nargs="*", default=[""], help="beginnings of names")
     arguments = parser.parse_args()
     bank = Bank.load(default_bank_path())
     pipeline = PosePipeline(bank)
     pipeline.warm_up()
-    paths = [p for p in sorted(arguments.data.glob("*.mcap")) if p.with_suffix(".npz").exists()]
+    recordings = [p for folder in arguments.data for p in sorted(folder.glob("*.mcap"))]
+    paths = [p for p in recordings if p.with_suffix(".npz").exists()]
     clips = [Clip(path, arguments.frames) for path in paths]
     for clip in clips:
         clip.perceive(pipeline)
     base = {whole: run(pipeline, clips, whole=whole) for whole in (True, False)}
-    mm, share, false, ms = base[True]
-    print(f"{mm:.1f} mm, {share:.3f} within 10 cm, {false:.0f} false, {ms:.1f} ms a frame; half, double:")
-    columns = "mm | within 10 cm | false | ms |"
-    print(f"| | value | {columns} {columns}\n|{'---|' * 10}")
+    mm, share, false, switches, ms = base[True][0]
+    print(f"{mm:.1f} mm, {share:.3f} within 10 cm, {false:.0f} false, {switches:.0f} changes of id, "
+          f"{ms:.1f} ms a frame; half, double:")  # fmt: skip
+    columns = "mm | within 10 cm | false | ids | ms |"
+    print(f"| | value | {columns} {columns}\n|{'---|' * 12}")
 
     def change(pipeline: PosePipeline, *, whole: bool) -> str:
         try:
-            mm, share, false, ms = run(pipeline, clips, whole=whole) - base[whole]
-        except IndexError:
-            return "an index | | |"  # no quantity, but the place of one
-        return f"{mm:+.1f} | {share:+.3f} | {false:+.0f} | {ms:+.1f}"
+            numbers, digest = run(pipeline, clips, whole=whole)
+        except ValueError as error:
+            return f"out of range: {error} | | | |"
+        mm, share, false, switches, ms = numbers - base[whole][0]
+        if digest == base[whole][1]:
+            return f"same | | | | {ms:+.1f}"
+        return f"{mm:+.1f} | {share:+.3f} | {false:+.0f} | {switches:+.0f} | {ms:+.1f}"
 
     def report(name: str, value: float, changing: Iterator[PosePipeline]) -> None:
         told = [change(pipeline, whole=name.startswith(FIRST)) for pipeline in changing]
