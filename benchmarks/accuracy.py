@@ -3,6 +3,7 @@
     python benchmarks/accuracy.py table1 DATA -o docs/images     # the paper's Table 1 and Fig. 10
     python benchmarks/accuracy.py ablation --data DATA           # one part left out at a time
     python benchmarks/accuracy.py constants DATA                 # each constant halved and doubled
+    python benchmarks/accuracy.py tracks DATA                    # the same for the tracks' on all frames
     python benchmarks/accuracy.py confidence --check DATA        # fits and checks the confidence of joints
     python benchmarks/accuracy.py builds --people 10             # bone lengths found, against the true ones
     python benchmarks/accuracy.py proposals DATA                 # the answer beside the joint net's joints
@@ -18,5 +19,15 @@ import one_thread  # noqa: F401
 from command_line import run_part
 
 if __name__ == "__main__":
-    parts = ("table1", "ablation", "constants", "confidence", "builds", "proposals", "deviations", "spread")
+    parts = (
+        "table1",
+        "ablation",
+        "constants",
+        "tracks",
+        "confidence",
+        "builds",
+        "proposals",
+        "deviations",
+        "spread",
+    )
     run_part(__doc__, {name: name for name in parts})

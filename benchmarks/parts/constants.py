@@ -88,17 +88,14 @@ def constants() -> Iterator[tuple[str, ModuleType, str, float]]:
 def defined(module: ModuleType) -> Iterator[str]:
     """Give the variables that a module itself assigns, without indices: imported ones may size arrays."""
     tree = ast.parse(inspect.getsource(module))
-    subscripts = [node.slice for node in ast.walk(tree) if isinstance(node, ast.Subscript)]
-    indices = {name for part in subscripts for name in _names(part)}
+    places = [node.slice for node in ast.walk(tree) if isinstance(node, ast.Subscript)]
+    places += [part for place in places if isinstance(place, ast.Tuple) for part in place.elts]
+    indices = {place.id for place in places if isinstance(place, ast.Name)}
     for statement in tree.body:
         if isinstance(statement, ast.Assign):
-            for name in _names(ast.Tuple(statement.targets)):
-                if name not in indices:
-                    yield name
-
-
-def _names(tree: ast.AST) -> Iterator[str]:
-    return (node.id for node in ast.walk(tree) if isinstance(node, ast.Name))
+            for name in ast.walk(ast.Tuple(statement.targets)):
+                if isinstance(name, ast.Name) and name.id not in indices:
+                    yield name.id
 
 
 @contextmanager
@@ -186,16 +183,16 @@ def main() -> None:
 def retuned(bank: Bank, stage: str, field: str, value: float) -> Iterator[PosePipeline]:
     """Give a pipeline with half of a number of the tuning, and one with twice the number."""
     for factor in FACTORS:
-        values = getattr(Tuning(), stage)._replace(**{field: _times(value, factor)})
+        values = getattr(Tuning(), stage)._replace(**{field: times(value, factor)})
         yield PosePipeline(bank, PipelineConfig(), Tuning()._replace(**{stage: values}))
 
 
 def rebuilt(bank: Bank, module: ModuleType, variable: str, value: float) -> Iterator[PosePipeline]:
     """Give a pipeline while a module's number is half, and one while it is double."""
     for factor in FACTORS:
-        with changed(module, variable, _times(value, factor)):
+        with changed(module, variable, times(value, factor)):
             yield PosePipeline(bank)
 
 
-def _times(value: float, factor: float) -> float:
+def times(value: float, factor: float) -> float:
     return max(1, round(factor * value)) if isinstance(value, int) else factor * value
