@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from depth_pose.bank.bank import Bank
 from depth_pose.body.build import BUILD_NAMES
 from depth_pose.body.pose import BodyPose, Fitted
-from depth_pose.body.rendered_depth import Comparison
 from depth_pose.core.config import RecoverConfig, SmoothConfig
 from depth_pose.core.result import Skeleton
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL
@@ -120,7 +119,8 @@ class Recoverer:
         (person,) = sample_people(self.bank).persons
         start = BodyPose(R_CAMERA_FACING_MODEL @ self.bank.rotations(0), person.points.mean(axis=0), 1.0)
         average = np.zeros(len(BUILD_NAMES), np.float32)
-        answer = _answered(Fitted.lost(0, ""), self._solved(person, Hypothesis(start, "carried"), average))
+        solved = self._solved(person, Hypothesis(start, "carried"), average)
+        answer = _answered(Fitted.lost(0, ""), solved)
         answer = replace(answer, build=average, source=Source.RECOVERED)
         to_skeleton(person, answer)
         limit_excess(self.bank.body, answer)
@@ -214,8 +214,7 @@ class Recoverer:
         is_part = len(person.points) < _PART * known.good_points
         allowed = max(failure.allowance, _ALLOWANCE_OF_PART if is_part else 0.0)
         if fitted.body is not None:
-            seen = Comparison(fitted.score, fitted.gap)
-            refused = self._objective.score_seen(person, fitted.body, seen)
+            refused = self._objective.score(person, fitted.body)
             if carried.score >= refused.total + allowed - _SAME_SCORE:
                 return None
         answer = replace(last, stamp_ns=person.stamp_ns, source=Source.RECOVERED)

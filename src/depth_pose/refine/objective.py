@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
 from depth_pose.body.pose import Fitted, FittedBody
-from depth_pose.body.rendered_depth import Comparison
 from depth_pose.refine import _score_kernels as kernels
 from depth_pose.refine.pose_prior import PosePrior, usual_joints
 from depth_pose.track.person_view import PersonView
@@ -101,12 +100,6 @@ class Objective:
         score = np.empty(len(Score._fields))
         criteria, scale = self.criteria(person), body.pose.scale
         kernels.score_body(criteria, body.vertices, self._faces, body.nodes, scale, score)
-        return Score(*score.tolist())
-
-    def score_seen(self, person: PersonView, body: FittedBody, seen: Comparison) -> Score:
-        """Score a body that was compared with the depth image already."""
-        score = np.empty(len(Score._fields))
-        kernels.weigh(self.criteria(person), body.nodes, body.pose.scale, seen.score, seen.gap, score)
         return Score(*score.tolist())
 
     def pose_distance(self, fitted: Fitted) -> float:
