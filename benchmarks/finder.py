@@ -88,7 +88,7 @@ class Tally:
     """Probability; whether it is a person; frame."""
 
     false_kinds: list[tuple[float, Kind, int]] = field(default_factory=list)
-    """Probability; what it is; frame."""
+    """Probability, kind of object and frame of each false detection."""
 
     milliseconds: list[float] = field(default_factory=list)
 
@@ -214,7 +214,7 @@ def kept_results(results: Path, about: dict[str, object]) -> list[Tally]:
 def measure(
     config: SegmentConfig, weights: Path | None, rooms: Rooms, count: int, results: Path | None = None
 ) -> Tally:
-    """Run both looks over rooms; the first one is timed by itself.
+    """Run finder and joint net over rooms; the finder is timed separately.
 
     With a file for ``results`` each room's are appended to it, and those in it are not made again.
     """

@@ -31,7 +31,7 @@ FLOOR = "depth_pose_floor"
 """Name of the metadata record with the floor's plane, or with `_MOVED` where it changed."""
 _MOVED = {"moved": "yes"}
 _MOVES = 3.0
-"""Change of the floor, as a multiple of its noise, that tells of a sensor that moves. Set by hand."""
+"""Change of the floor, as a multiple of its noise, above which the sensor has moved. Set by hand."""
 _MOST_CHANGES = 2
 """Maximum number of changes of the floor in a recording of a sensor that stands still: a table is taken for
 it until the floor is seen. Set by hand."""

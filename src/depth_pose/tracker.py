@@ -324,7 +324,7 @@ class Tracker:
 
 
 def _is_negative(depth: NDArray[np.float32]) -> bool:
-    """Whether most of the depths that are there are below 0, and not all the same: a mark of holes."""
+    """Whether most measured depths are negative; one constant negative value only marks holes."""
     below = depth[np.isfinite(depth) & (depth < 0.0)]
     measured = np.count_nonzero(np.isfinite(depth) & (depth != 0.0))
     return bool(2 * below.size > measured and np.ptp(below) > 0.0)

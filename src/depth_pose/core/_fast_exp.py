@@ -16,7 +16,7 @@ CUT = 16.0
 _ONE, _HALF, _SIXTH, _24TH, _120TH, _720TH = (np.float32(1 / n) for n in (1, 2, 6, 24, 120, 720))
 """Factors of the power series."""
 _16TH, _32ND, _CUT = np.float32(1 / 16), np.float32(-1 / 32), np.float32(CUT)
-"""Scales of the exponents before the series: `falling_exp` squares four times, `gauss` five; and `CUT`."""
+"""Scales of the exponents: `falling_exp` squares the series four times, `gauss` five; `CUT` as float32."""
 
 
 @njit(cache=True, fastmath=True, forceinline=True)

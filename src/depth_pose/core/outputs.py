@@ -145,7 +145,7 @@ class NewFile:
     """A file that gets its name only once it is complete.
 
     As a context manager it is kept at the end, and discarded after an error. `keep`, `keep_partial`, `leave`
-    and `discard` end it before; after one of them the others do nothing.
+    and `discard` close it earlier; only the first such call has an effect.
 
     Parameters
     ----------

@@ -85,7 +85,7 @@ def spread(bump: Array, slope: float) -> Array:
 
 
 def press(plane: Plane, rest: Array, vertices: Array, faces: NDArray[np.integer], slope: float) -> Array:
-    """Return the heights of a soft surface, ``rest`` without a body, under a body that lies in it."""
+    """Return the heights of a soft surface under a body that lies on it; ``rest`` are those without."""
     under = plane.heights(vertices, faces, below=True)
     dent = np.nan_to_num(rest - under)
     return np.asarray(rest - spread(np.where((dent > 0) & (dent < DEEPEST_M), dent, 0.0), slope))

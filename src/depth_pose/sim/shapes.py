@@ -80,7 +80,7 @@ _LUMP, _LUMP_FACES = _lump_template()
 
 
 def _round_template() -> tuple[Array, Array, NDArray[np.int64]]:
-    """Directions around a cylinder, which end each corner belongs to, faces with both lids."""
+    """Return a cylinder: directions of the rim, the end (0 or 1) of each corner, faces with both lids."""
     n = _ROUND_COLUMNS
     around = 2 * np.pi * np.arange(n) / n
     ring = np.stack([np.cos(around), np.sin(around)], axis=1)

@@ -37,7 +37,7 @@ RATE_HZ = 15.0
 """Maximum frames drawn per second; fewer if a browser takes longer. Set by hand."""
 
 _LOOK_S = 0.2
-"""Seconds between two looks whether the viewer ends while a frame is drawn."""
+"""Seconds between two checks for the end of the viewer while a frame is drawn."""
 
 _TABLE_S = 0.4
 """Time between two updates of the panel's table, seconds. For readability."""

@@ -16,7 +16,7 @@ PATIENCE_S = 5.0
 graphics card, on busy cores, it takes 2 s."""
 
 _GIVE_UP_S = 60.0
-"""Period of asking a silent browser again."""
+"""Time (s) without an answer after which a browser is asked again."""
 
 _AFTER_S = 0.03
 """Delay of the question after its frame (s), since the frame itself waits for up to 1/60 s."""

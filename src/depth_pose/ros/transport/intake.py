@@ -59,7 +59,7 @@ class FrameSource(Protocol):
 
     @property
     def joined(self) -> bool:
-        """Whether every topic of the suite's own has a publisher, as this side sees it."""
+        """Whether a publisher of every topic of this suite was discovered."""
 
     @property
     def has_pending(self) -> bool:
@@ -193,7 +193,7 @@ class Intake:
 
     @property
     def joined(self) -> bool:
-        """Whether a topic of the suite's own has a publisher, as this side sees it."""
+        """Whether a publisher was discovered, if the topic is one of this suite."""
         subscription = self._subscription
         return self._input.sensor or (subscription is not None and subscription.get_publisher_count() > 0)
 

@@ -137,7 +137,7 @@ ankle is 6 or 9 cm higher than the front of the knee, over a shank of 0.43 m."""
 
 
 def _shank_back(thigh: Array, tucked: Array | NDArray[np.bool_] | bool = False) -> Array:
-    """Knee flexion that lays the shank on the floor behind, for a thigh's angle forward of hanging."""
+    """Compute the knee flexion that lays the shank on the floor, from the hip flexion (degrees)."""
     return np.clip(90.0 + thigh + np.where(tucked, _TUCKED_DEG, _INSTEP_DEG), 60.0, 150.0)
 
 
