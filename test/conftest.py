@@ -46,6 +46,10 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
             groups = (group for group in TOGETHER if re.match(group, nodeid))
             return next(groups, nodeid.partition("::")[0])
 
+        def _reschedule(self, node: Any) -> None:
+            if node in self.registered_collections:  # not a worker that starts for one that died
+                super()._reschedule(node)
+
     return ByFile(config, log)
 
 
