@@ -128,9 +128,18 @@ def test_a_local_suite_joins_no_multicast_group(domain, monkeypatch, profile, gr
     assert group in done.stdout, done.stdout + done.stderr
 
 
+def modes(found):
+    return {stat.S_IMODE(f.stat().st_mode) for f in found}
+
+
+def has_messages(found):
+    """Whether a segment is large enough for the messages."""
+    return any(f.stat().st_size > 1 << 20 for f in found)
+
+
 def check_private(found):
-    assert any(f.stat().st_size > 1 << 20 for f in found), "the messages' own"
-    assert {stat.S_IMODE(f.stat().st_mode) for f in found} == {0o600}
+    assert has_messages(found)
+    assert modes(found) == {0o600}
     assert set(read_as_nobody(found)) <= {"refused"}
 
 
@@ -139,11 +148,10 @@ def test_what_is_played_is_this_account_s(start, tmp_path):
     path = scene.write_recording(tmp_path / "small.mcap", 3)
     player = start("-m", "depth_pose.cli", "play", path, "--wait-for", 1)
     deadline = time.monotonic() + LIMIT_S
-    while not segments(player.process.pid):
-        assert time.monotonic() < deadline, player.output
+    while not has_messages(found := segments(player.process.pid)) or modes(found) != {0o600}:
+        assert time.monotonic() < deadline, f"{found}\n{player.output}"
         time.sleep(0.05)
-    time.sleep(0.5)
-    check_private(segments(player.process.pid))
+    check_private(found)
 
 
 def test_the_default_profile_listens_to_the_network(domain, monkeypatch):
