@@ -77,7 +77,7 @@ def test_every_stage_speaks_of_the_same_frame_and_person(clip, results, bank):
         assert len(person.points) > 1000
         scale, score = refined.pose.scale, refined.score
         fit = report_joints(refined.joints, scale, person, score, is_compared=False)
-        fused = weigh_joints(refined.joints, score, fit.confidence, person.measured, refined.gap)
+        fused = weigh_joints(refined.joints, score, fit.confidence, person.measured, refined.mean_depth_error)
         joints = fused.joints
         sure = skeleton_confidence(person, joints, skeleton.joint_states, skeleton.joint_confidence)
         assert skeleton.confidence == pytest.approx(sure)

@@ -22,7 +22,7 @@ from depth_pose.match.tuning import MatchTuning
 from depth_pose.perception import Perception
 from depth_pose.refine.refine import Refiner
 from depth_pose.refine.tuning import RefineTuning
-from depth_pose.stages import Shared
+from depth_pose.stages import StageFactory
 from depth_pose.track.person_view import FramePeople
 from depth_pose.tuning import Tuning
 
@@ -44,7 +44,7 @@ class Recording:
 def make_matcher(bank: Bank, tuning: MatchTuning, scale: float = 0.0) -> Matcher:
     """Build the pipeline's matcher by itself."""
     config = PipelineConfig(build=PersonalConfig(scale=scale))
-    return Shared(bank, config, Tuning(match=tuning)).make_matcher()
+    return StageFactory(bank, config, Tuning(match=tuning)).make_matcher()
 
 
 def load_recording(path: Path, step: int = 1) -> Recording:
@@ -108,7 +108,7 @@ def match_frames(
 
 def compare_frames(bank: Bank, recording: Recording, scale: float) -> np.ndarray:
     """Match and refine each frame by itself; `compare`'s numbers and seconds of matching, (F, 5)."""
-    refiner = Shared(bank, tuning=Tuning(refine=RefineTuning(track=False))).make_refiner()
+    refiner = StageFactory(bank, tuning=Tuning(refine=RefineTuning(track=False))).make_refiner()
     rows = [
         (*compare(bank, refiner, people, known, match), taken)
         for people, known, match, taken in match_frames(bank, recording, scale)

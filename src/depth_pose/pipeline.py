@@ -26,7 +26,7 @@ from depth_pose.core.threads import ONE_THREAD, Threads, check_threads, one_thre
 from depth_pose.detect.floor import Floor
 from depth_pose.detect.input_repair import InputRepair
 from depth_pose.perception import Perception
-from depth_pose.stages import Shared
+from depth_pose.stages import StageFactory
 from depth_pose.track.follow import Follower
 from depth_pose.track.nobody import NobodyWatch
 from depth_pose.track.person_view import FramePeople, PersonView
@@ -119,7 +119,7 @@ class PosePipeline:
         self._repair = InputRepair()
         self._orientation = UpsideDownWatch(config.segment)
         self._nobody = NobodyWatch(config.segment)
-        shared = Shared(bank, config, tuning)
+        shared = StageFactory(bank, config, tuning)
         self.states = shared.states
         self.perception = Perception(
             config.segment,
@@ -250,7 +250,7 @@ class PosePipeline:
 
 def warm_up_later_stages() -> None:
     """Compile the kernels of the fit and of the recovery, which take longest, for the default settings."""
-    shared = Shared(Bank.load(default_bank_path()))
+    shared = StageFactory(Bank.load(default_bank_path()))
     shared.make_refiner().warm_up()
     shared.make_recoverer().warm_up()
 

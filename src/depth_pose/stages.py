@@ -16,13 +16,13 @@ from depth_pose.tuning import Tuning
 if TYPE_CHECKING:
     from depth_pose.match.match import Matcher
     from depth_pose.paper.completion import MeshCompleter
-    from depth_pose.recover.recover import Recoverer
+    from depth_pose.recover.recover import FailureRecovery
     from depth_pose.refine.body_fitter import BodyFitter
     from depth_pose.refine.objective import Objective
     from depth_pose.refine.refine import Refiner
 
 
-class Shared:
+class StageFactory:
     """Objects shared by the stages of a process: the body with its fits, objective, people's states.
 
     Parameters
@@ -82,15 +82,15 @@ class Shared:
             self._bank, self._bodies, fitter, self.states, self._objective, build, t.refine, t.build
         )
 
-    def make_recoverer(self) -> Recoverer:
+    def make_recoverer(self) -> FailureRecovery:
         """Return the fourth stage; with the method cpd it registers clouds, too."""
-        from depth_pose.recover.recover import Recoverer
+        from depth_pose.recover.recover import FailureRecovery
 
         c, t, clouds = self._config, self._tuning, None
         if self._is_paper:
-            from depth_pose.recover.temporal import TemporalCarrier
+            from depth_pose.recover.temporal import CloudTracker
 
-            clouds = TemporalCarrier(self._completer, t.temporal)
-        return Recoverer(
+            clouds = CloudTracker(self._completer, t.temporal)
+        return FailureRecovery(
             self._bank, c.recover, c.smooth, self._bodies, self._objective, self.states, clouds, t.recover
         )

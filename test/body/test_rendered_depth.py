@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import synthetic as syn
-from depth_pose.body.rendered_depth import DepthComparer, Observation
+from depth_pose.body.rendered_depth import DepthScorer, Observation
 from depth_pose.core import _raster_kernels as kernels
 from depth_pose.core.camera import Camera
 from depth_pose.core.labels import BACKGROUND, PERSON, UNKNOWN
@@ -112,7 +112,7 @@ def test_compare_twin():
 @pytest.fixture(scope="module")
 def scene():
     body = syn.posed(syn.arms_down())
-    return body, DepthComparer(syn.to_person(syn.draw(syn.mesh(body))).full)
+    return body, DepthScorer(syn.to_person(syn.draw(syn.mesh(body))).full)
 
 
 def test_the_true_pose_scores_zero_and_others_more(scene):
@@ -120,7 +120,7 @@ def test_the_true_pose_scores_zero_and_others_more(scene):
     faces = syn.default_body().faces
     true = comparer.compare(body.vertices, faces)
     assert true.score < 1e-3
-    assert true.gap < 1e-4
+    assert true.mean_depth_error < 1e-4
     scores = [comparer.compare(body.vertices + [x, 0, 0], faces).score for x in (0.02, 0.05, 0.1, 0.3)]
     assert scores == sorted(scores)
     assert true.score < scores[0] < 0.5 < scores[-1] <= 1.0
@@ -132,7 +132,7 @@ def test_nothing_drawn_and_nothing_seen(scene):
     body, comparer = scene
     assert comparer.compare(body.vertices + [50.0, 0, 0], syn.default_body().faces).score == 1.0
     blank = np.zeros((20, 20), np.float32)
-    empty = DepthComparer(Observation(blank, blank.astype(np.uint8), syn.CAMERA))
+    empty = DepthScorer(Observation(blank, blank.astype(np.uint8), syn.CAMERA))
     assert empty.compare(body.vertices + [50.0, 0, 0], syn.default_body().faces).score == 0.0
 
 

@@ -19,7 +19,8 @@ def measured():
         rng.random(shape).astype(np.float32) for shape in ((19, 3), (19, 2), 19, (2, 5))
     )
     mask = CropMask(np.zeros((8, 8), np.float32), CropView(0.1, 0.2, 3.0, 0.02))
-    return JointMeasurement(places, sigma, confidence, heels, sides=0.8, probability=0.9, mask=mask)
+    told = {"left_right_confidence": 0.8, "probability": 0.9}
+    return JointMeasurement(places, sigma, confidence, heels, mask=mask, **told)
 
 
 def test_both_namings_are_made_once_and_differ_by_the_sides(measured):
@@ -48,7 +49,7 @@ def test_moved_joints_are_less_exact_and_the_mask_goes_along(measured):
     np.testing.assert_allclose(moved.sigma**2, measured.sigma**2 + 0.05**2, atol=1e-6)
     assert moved.mask.view[:3] == pytest.approx((0.2, 0.0, 3.3))
     assert moved.places.dtype == moved.sigma.dtype == moved.heels.dtype == np.float32
-    assert (moved.sides, moved.probability) == (0.8, 0.9)
+    assert (moved.left_right_confidence, moved.probability) == (0.8, 0.9)
     assert moved.without_mask().mask is None
     assert moved.without_mask().moved(STILL, 0.0).mask is None
 

@@ -229,9 +229,10 @@ def test_what_is_encoded_is_decoded(behind):
     widths = np.full((len(LANDMARKS), 2), np.log(0.05), np.float32)
     decoded = codec.decode(JointCodes(places, widths, behind, 0.0, np.zeros((4, 4))), view)
     np.testing.assert_allclose(decoded.places, landmarks, atol=1e-12)
-    assert decoded.sides == pytest.approx(1.0 / (1.0 + np.exp(-9.0)))
+    assert decoded.left_right_confidence == pytest.approx(1.0 / (1.0 + np.exp(-9.0)))
     apart = np.linalg.norm(landmarks - landmarks[MIRROR_LANDMARKS], axis=1)
-    np.testing.assert_allclose(decoded.error - decoded.error.min(), (1.0 - decoded.sides) * apart, atol=1e-9)
+    exchanged = (1.0 - decoded.left_right_confidence) * apart
+    np.testing.assert_allclose(decoded.error - decoded.error.min(), exchanged, atol=1e-9)
     mirrored = codec.encode(landmarks, view._replace(flip=-1.0))
     np.testing.assert_allclose(mirrored[MIRROR_LANDMARKS] * [-1.0, 1.0, 1.0], codec.encode(landmarks, view))
 

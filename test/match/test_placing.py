@@ -8,7 +8,7 @@ import pytest
 import synthetic as syn
 from depth_pose.bank.canonical import canonical_axes
 from depth_pose.body.coarsen import coarsen
-from depth_pose.body.rendered_depth import DepthComparer
+from depth_pose.body.rendered_depth import DepthScorer
 from depth_pose.core._raster_kernels import score_mesh
 from depth_pose.core.rotations import quat_to_matrix
 from depth_pose.match.placing import (
@@ -49,7 +49,7 @@ def test_views_lie_over_the_inputs_axes(bank, person, placed):
 
 def test_comparing_twin(bank, person, placed):
     found = ExemplarRenderer(bank).compare(placed, SCALE, person.coarse)
-    body, comparer = coarsen(bank.body, COARSE_VERTICES), DepthComparer(person.coarse)
+    body, comparer = coarsen(bank.body, COARSE_VERTICES), DepthScorer(person.coarse)
     for k, exemplar in enumerate(placed.exemplars):
         turned = placed.rotations[k] @ bank.rotations(exemplar)
         posed = body.pose(turned, placed.translations[k], SCALE)

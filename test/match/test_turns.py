@@ -12,7 +12,7 @@ import synthetic as syn
 from depth_pose.core.config import PersonalConfig
 from depth_pose.match.match import Matcher
 from depth_pose.match.tuning import MatchTuning
-from depth_pose.stages import Shared
+from depth_pose.stages import StageFactory
 from depth_pose.track.person_view import FramePeople
 from depth_pose.tuning import Tuning
 from stages import make_matcher
@@ -106,7 +106,7 @@ def cut(people: FramePeople, is_cut: bool) -> FramePeople:
 
 
 def test_the_size_is_not_sought_anew_whenever_the_image_wavers(bank, people) -> None:
-    shared = Shared(bank, tuning=Tuning(match=MatchTuning(scale_frames=3, search_every=1)))
+    shared = StageFactory(bank, tuning=Tuning(match=MatchTuning(scale_frames=3, search_every=1)))
     matcher, frames = shared.make_matcher(), []
     for k in range(16):
         matcher.match(cut(syn.restamped(people, k * 33_000_000), is_cut=k % 3 == 1))
@@ -115,7 +115,7 @@ def test_the_size_is_not_sought_anew_whenever_the_image_wavers(bank, people) -> 
 
 
 def test_the_size_is_sought_anew_once_somebody_is_whole_for_good(bank, people) -> None:
-    shared = Shared(bank, tuning=Tuning(match=MatchTuning(scale_frames=3, search_every=1)))
+    shared = StageFactory(bank, tuning=Tuning(match=MatchTuning(scale_frames=3, search_every=1)))
     matcher, frames = shared.make_matcher(), []
     for k in range(12):
         matcher.match(cut(syn.restamped(people, k * 33_000_000), is_cut=k < 4))

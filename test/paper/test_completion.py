@@ -11,7 +11,7 @@ from depth_pose.core.rotations import rotvec_to_matrix
 from depth_pose.core.skeleton import JOINT_NODES
 from depth_pose.paper.coherence import geodesic_basis, surface_distances
 from depth_pose.paper.completion import MeshCompleter
-from depth_pose.recover.temporal import TemporalCarrier
+from depth_pose.recover.temporal import CloudTracker
 from depth_pose.track.person_view import thin
 from staged import person_of, pose_of, the_body
 
@@ -89,7 +89,7 @@ def test_carries_a_body_to_the_next_frame(completer) -> None:
     after = pose_of({**START, "left_shoulder": (0, 0, -0.3)}, root=(0.03, 0.0, 3.02))
     view_before, _ = view_of(before)
     view_after, truth = view_of(after)
-    carried = TemporalCarrier(completer).carry_body(
+    carried = CloudTracker(completer).carry_body(
         thin(view_before.points, 600), thin(view_after.points, 600), view_before.coarse, before, the_body()
     )
     assert error(the_body().pose(before.rotations, before.root).nodes, truth) > 0.03

@@ -21,10 +21,10 @@ from depth_pose.pipeline import FrameResult, PosePipeline
 from depth_pose.recover.confidence import fit_confidence, report_joints, skeleton_confidence
 from depth_pose.recover.failure import FailureCheck, bone_lengths, limit_excess
 from depth_pose.recover.measurements import weigh_joints
-from depth_pose.recover.recover import Recoverer
+from depth_pose.recover.recover import FailureRecovery
 from depth_pose.recover.tuning import RecoverTuning
 from depth_pose.sim.failures import KINDS, fail
-from depth_pose.stages import Shared
+from depth_pose.stages import StageFactory
 from depth_pose.track.person_view import FramePeople
 from depth_pose.track.state import PersonStates
 from depth_pose.tuning import Tuning
@@ -42,21 +42,21 @@ def run() -> list[FrameResult]:
     return [pipeline.process_frame(frame_of(k)) for k in range(FRAMES)]
 
 
-def recoverer(smooth: bool = False, tuning: Tuning = Tuning(), **settings) -> Recoverer:
+def recoverer(smooth: bool = False, tuning: Tuning = Tuning(), **settings) -> FailureRecovery:
     config = RecoverConfig(**settings)
     return make_recoverer(the_bank(), tuning, recover=config, smooth=SmoothConfig(enabled=smooth))
 
 
-def recovered(stage: Recoverer, people: FramePeople, *fitted: Fitted) -> Skeleton | None:
+def recovered(stage: FailureRecovery, people: FramePeople, *fitted: Fitted) -> Skeleton | None:
     """The stage's answer for one person; None where they are lost."""
     answers = stage.recover(people, fitted)
     assert len(answers) <= 1
     return answers[0] if answers else None
 
 
-def with_states() -> tuple[Recoverer, PersonStates]:
+def with_states() -> tuple[FailureRecovery, PersonStates]:
     """A stage, and the states of its people."""
-    shared = Shared(the_bank(), PipelineConfig(smooth=SmoothConfig(enabled=False)))
+    shared = StageFactory(the_bank(), PipelineConfig(smooth=SmoothConfig(enabled=False)))
     return shared.make_recoverer(), shared.states
 
 
@@ -76,7 +76,7 @@ def measured(result: FrameResult) -> np.ndarray:
     (person,), (fitted,) = result.people.persons, result.refined
     scale, score = fitted.pose.scale, fitted.score
     sure = report_joints(fitted.joints, scale, person, score, is_compared=False).confidence
-    return weigh_joints(fitted.joints, score, sure, person.measured, fitted.gap).joints
+    return weigh_joints(fitted.joints, score, sure, person.measured, fitted.mean_depth_error).joints
 
 
 def moved(fitted: Fitted, nodes: np.ndarray, rotations: np.ndarray | None = None) -> Fitted:
@@ -112,7 +112,7 @@ def no_pose(fitted: Fitted) -> Fitted:
     return Fitted.lost(fitted.stamp_ns, fitted.body_id)
 
 
-def replay(stage: Recoverer, run, spoil=None, bad=BAD) -> list[Skeleton | None]:
+def replay(stage: FailureRecovery, run, spoil=None, bad=BAD) -> list[Skeleton | None]:
     out = []
     for k, result in enumerate(run):
         (refined,) = result.refined
@@ -140,7 +140,9 @@ def told(people: FramePeople, probability: float) -> FramePeople:
     return replace(people, persons=tuple(persons))
 
 
-def replay_misfit(stage: Recoverer, run, probability: float, spoil=lambda f: f) -> list[Skeleton | None]:
+def replay_misfit(
+    stage: FailureRecovery, run, probability: float, spoil=lambda f: f
+) -> list[Skeleton | None]:
     """Answers where no body fits what the finder detected, at one probability."""
     misfits = [replace(spoil(*r.refined), score=0.68) for r in run]
     return [recovered(stage, told(r.people, probability), f) for r, f in zip(run, misfits, strict=True)]

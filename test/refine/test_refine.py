@@ -55,7 +55,7 @@ def test_from_candidates_a_little_off(bank, method, typical, most):
         fitted = refined(refiner, people, candidate(exemplar, 28.0, (0.03, 0.02, 3.05)))
         assert (fitted.source, fitted.stamp_ns, fitted.body_id) == (Source.REFINED, people.stamp_ns, "body_1")
         assert fit_confidence(fitted.score) > 0.6
-        assert fitted.gap < 0.03
+        assert fitted.mean_depth_error < 0.03
         errors.append(syn.joint_error(fitted.joints, posed.nodes[JOINT_NODES]))
         gaps.append(np.linalg.norm(fitted.body.vertices - posed.vertices, axis=1).mean())
     assert np.median(errors) < typical, errors

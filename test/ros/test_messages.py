@@ -49,7 +49,7 @@ def measurement(rng):
     places, sigma, confidence, heels = (
         rng.random(shape).astype(np.float32) for shape in ((19, 3), (19, 2), 19, (2, 5))
     )
-    return JointMeasurement(places, sigma, confidence, heels, sides=0.7, probability=0.6)
+    return JointMeasurement(places, sigma, confidence, heels, left_right_confidence=0.7, probability=0.6)
 
 
 @pytest.fixture
@@ -102,7 +102,7 @@ def test_people_round_trip_is_exact(people):
         if a.measured is not None:
             for name in ("places", "sigma", "confidence", "heels"):
                 assert_same_bits(getattr(a.measured, name), getattr(b.measured, name))
-            assert a.measured.sides == b.measured.sides
+            assert a.measured.left_right_confidence == b.measured.left_right_confidence
             assert a.measured.probability == b.measured.probability
         assert (a.is_cut_below, a.is_cut_beside) == (b.is_cut_below, b.is_cut_beside)
         assert_same_bits(a.points, b.points)
@@ -224,7 +224,7 @@ def test_fitted_bodies_make_a_round_trip(people, body, rng):
     known = Fitted("body_5", people.stamp_ns, Source.REFINED, fitted, build, 1 / 3, 0.01)
     msg = over_the_wire(fitted_to_msg([known, Fitted.lost(people.stamp_ns, "body_6")], people))
     _, (back, lost) = msg_to_fitted(msg, len(body.vertices))
-    for name in ("body_id", "stamp_ns", "source", "score", "gap"):
+    for name in ("body_id", "stamp_ns", "source", "score", "mean_depth_error"):
         assert getattr(back, name) == getattr(known, name)
     assert back.pose.scale == 0.9
     assert_same_bits(back.pose.rotations, rotations)

@@ -55,7 +55,7 @@ class Fitted:
         The person's proportions (`depth_pose.body.build.BUILD_NAMES`).
     score : float
         Rendered-depth disagreement (`depth_pose.body.rendered_depth`), 0 to 1; 1 where it is lost.
-    gap : float
+    mean_depth_error : float
         Mean depth difference where body and person overlap, metres.
     """
 
@@ -65,7 +65,7 @@ class Fitted:
     body: FittedBody | None
     build: NDArray[np.float32]
     score: float
-    gap: float
+    mean_depth_error: float
 
     @classmethod
     def lost(cls, stamp_ns: int, body_id: str) -> Fitted:

@@ -72,15 +72,15 @@ class Comparison:
     ----------
     score : float
         Disagreement, 0 to 1.
-    gap : float
+    mean_depth_error : float
         Mean depth difference where both are, each at most the band, metres.
     """
 
     score: float
-    gap: float
+    mean_depth_error: float
 
 
-class DepthComparer:
+class DepthScorer:
     """Renders meshes into one observation's window and scores them."""
 
     def __init__(self, observation: Observation) -> None:
@@ -103,5 +103,5 @@ class DepthComparer:
         faces : (F, 3) int32
         """
         kernels.score_mesh(vertices, faces, self.observation, SCORE_BAND_M, self.zbuffer, self._sums)
-        score, gap = self._sums[:2].tolist()
-        return Comparison(score=score, gap=gap)
+        score, mean_depth_error = self._sums[:2].tolist()
+        return Comparison(score=score, mean_depth_error=mean_depth_error)

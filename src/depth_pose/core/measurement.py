@@ -132,7 +132,7 @@ class JointMeasurement:
     heels : (H, 5) float32
         Backs of the left and the right heel, camera frame, metres, and their two standard deviations; no rows
         where a net does not measure heels.
-    sides : float
+    left_right_confidence : float
         Probability that left and right are not exchanged, .5 to 1.
     probability : float
         Probability that this is a person, 0 to 1, in this frame.
@@ -144,7 +144,7 @@ class JointMeasurement:
     sigma: NDArray[np.float32]
     confidence: NDArray[np.float32]
     heels: NDArray[np.float32] = field(default_factory=_no_heels)
-    sides: float = 1.0
+    left_right_confidence: float = 1.0
     probability: float = 1.0
     mask: CropMask | None = None
 

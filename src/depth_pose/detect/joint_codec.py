@@ -86,14 +86,14 @@ class DecodedJoints(NamedTuple):
         Standard deviation in each direction of the image plane, and in depth, metres.
     error : (L,) float64
         Expected error, metres, including that of exchanging left and right.
-    sides : float
+    left_right_confidence : float
         Probability that left and right are not exchanged, .5 to 1.
     """
 
     places: Landmarks
     sigma: NDArray[np.float64]
     error: NDArray[np.float64]
-    sides: float
+    left_right_confidence: float
 
 
 class JointCodec:

@@ -98,7 +98,7 @@ class VotingNet:
             sigma=_rounded(sigma[:_JOINT_COUNT]),
             confidence=_rounded(confidence),
             heels=_rounded(np.concatenate([decoded.places, sigma], axis=1)[_JOINT_COUNT:]),
-            sides=decoded.sides,
+            left_right_confidence=decoded.left_right_confidence,
             probability=self.calibration.person.probability(crop.probability, codes.person),
             mask=CropMask(codes.mask, sample.view),
         )

@@ -22,7 +22,7 @@ from depth_pose.io.mcap_read import DepthReader
 from depth_pose.match.match import match_confidence
 from depth_pose.match.tuning import MatchTuning
 from depth_pose.perception import Perception
-from depth_pose.stages import Shared
+from depth_pose.stages import StageFactory
 from depth_pose.track.person_view import FramePeople
 from depth_pose.tuning import Tuning
 
@@ -97,7 +97,8 @@ def match_frames(
     """
     config = PipelineConfig()
     perception = Perception(config.segment, config.denoise)
-    matcher = Shared(bank, tuning=Tuning(match=MatchTuning(keep=candidates, search_every=1))).make_matcher()
+    tuning = Tuning(match=MatchTuning(keep=candidates, search_every=1))
+    matcher = StageFactory(bank, tuning=tuning).make_matcher()
     found = []
     for number, frame, shown in _near_chosen(DepthReader(recording, depth_topic), frames):
         people = perception.perceive(frame)

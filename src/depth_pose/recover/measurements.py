@@ -72,7 +72,7 @@ def weigh_joints(
     score: float,
     confidence: NDArray[np.float64],
     measured: JointMeasurement | None,
-    gap: float = np.inf,
+    mean_depth_error: float = np.inf,
 ) -> Measured:
     """Compute the mean of fitted and proposed joints, weighted by their inverse covariances.
 
@@ -86,11 +86,11 @@ def weigh_joints(
         Confidence of each fitted joint, 0 to 1.
     measured : JointMeasurement or None
         Left and right are exchanged if that is nearer to the fit.
-    gap : float
+    mean_depth_error : float
         Mean depth difference of the fit, metres; only the disagreement counts if it is left out.
     """
     doubt = 1.0 / np.minimum(np.maximum(confidence, _LEAST), _MOST) - 1.0
-    rise = min(_FIT_RISE_M * max(0.0, score - _FIT_SCORE), _GAP_RISE * max(0.0, gap - _GAP_M))
+    rise = min(_FIT_RISE_M * max(0.0, score - _FIT_SCORE), _GAP_RISE * max(0.0, mean_depth_error - _GAP_M))
     whole = _FIT_M**2 + rise**2
     of_fit = (whole + _EVEN_M**2 * doubt)[:, None]
     if measured is None:

@@ -48,14 +48,14 @@ _SAME_SCORE = 1e-5
 """Score advantage below which the registered body is the fit that failed, up to rounding."""
 
 
-class CloudTracker(Protocol):
+class CloudRegistration(Protocol):
     """Moves a body from one frame to the next by the clouds alone (`depth_pose.recover.temporal`)."""
 
     def carry(self, before: PersonView, now: PersonView, last: Fitted) -> BodyPose:
         """Return the pose of the last body in the new frame."""
 
 
-class Recoverer:
+class FailureRecovery:
     """The fourth stage of the pipeline, run by `recovery_node`.
 
     Parameters
@@ -68,7 +68,7 @@ class Recoverer:
         Shared with the other stages of a process.
     states : PersonStates, optional
         States of all tracks, shared with the other stages of a process.
-    clouds : CloudTracker, optional
+    clouds : CloudRegistration, optional
         Registers clouds; with the method ``cpd``.
     tuning : RecoverTuning
 
@@ -92,7 +92,7 @@ class Recoverer:
         bodies: BodyFitter,
         objective: Objective,
         states: PersonStates | None = None,
-        clouds: CloudTracker | None = None,
+        clouds: CloudRegistration | None = None,
         tuning: RecoverTuning = RecoverTuning(),
     ) -> None:
         self.bank = bank
@@ -232,4 +232,5 @@ def _is_over(known: Answer, stamp_ns: int, max_time: float) -> bool:
 
 def _answered(answer: Fitted, solved: ScoredFit) -> Fitted:
     """Return an answer with another fit of the same build."""
-    return replace(answer, body=solved.body, score=solved.terms.depth, gap=solved.terms.gap)
+    terms = solved.terms
+    return replace(answer, body=solved.body, score=terms.depth, mean_depth_error=terms.mean_depth_error)

@@ -35,7 +35,7 @@ def to_skeleton(person: PersonView, answer: Fitted) -> Skeleton:
     """
     scale, score, source = answer.pose.scale, answer.score, answer.source
     sure = report_joints(answer.joints, scale, person, score, is_compared=False).confidence
-    fused = weigh_joints(answer.joints, score, sure, person.measured, answer.gap)
+    fused = weigh_joints(answer.joints, score, sure, person.measured, answer.mean_depth_error)
     joints = fused.joints
     seen = report_joints(joints, scale, person, score)
     joint_confidence = _JOINT_TRUST[source] * seen.confidence
@@ -45,7 +45,7 @@ def to_skeleton(person: PersonView, answer: Fitted) -> Skeleton:
         body_id=person.body_id,
         source=source,
         confidence=TRUST[source] * skeleton_confidence(person, joints, seen.states, joint_confidence),
-        residual=answer.gap,
+        residual=answer.mean_depth_error,
         scale=scale,
         positions=joints,
         quats_xyzw=matrix_to_quat(answer.pose.rotations[JOINT_NODES]),

@@ -27,7 +27,7 @@ _MAX_POINTS = 450
 """Maximum number of points of each of the two registered clouds; set by hand, for time."""
 
 
-class TemporalCarrier:
+class CloudTracker:
     """Carries the body of a completer from frame to frame."""
 
     def __init__(self, completer: MeshCompleter, tuning: TemporalTuning = TemporalTuning()) -> None:

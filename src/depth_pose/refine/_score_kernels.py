@@ -31,7 +31,7 @@ class Criteria(NamedTuple):
         The measured joints and their deviations, metres; no rows without a measurement.
     mean, whiten : (57,), (57, 57) float64
         The pose prior's (`depth_pose.refine.pose_prior.PosePrior`).
-    away, odd : float
+    proposal_error, prior_excess : float
         Weights of the terms (`depth_pose.refine.objective.Weights`).
     """
 
@@ -40,20 +40,20 @@ class Criteria(NamedTuple):
     sigmas: NDArray[np.float32]
     mean: NDArray[np.float64]
     whiten: NDArray[np.float64]
-    away: float
-    odd: float
+    proposal_error: float
+    prior_excess: float
 
 
 @njit(cache=True)
-def weigh(criteria, nodes, scale, depth, gap, score):
+def weigh(criteria, nodes, scale, depth, mean_depth_error, score):
     """Write the score of a pose whose disagreement with the depth image is known: `Score`, as (5,)."""
-    joints, away, open_share = nodes[JOINT_NODES], 0.0, 1.0
+    joints, proposal_error, open_share = nodes[JOINT_NODES], 0.0, 1.0
     if criteria.places.shape[0] > 0:
-        away = mean_deviation(joints, criteria.places, criteria.sigmas, _FARTHEST)
-        open_share = min(1.0, away)
-    odd = open_share * excess(joints, scale, criteria.mean, criteria.whiten)
-    score[0] = depth + criteria.away * away + criteria.odd * odd
-    score[1], score[2], score[3], score[4] = depth, gap, away, odd
+        proposal_error = mean_deviation(joints, criteria.places, criteria.sigmas, _FARTHEST)
+        open_share = min(1.0, proposal_error)
+    prior_excess = open_share * excess(joints, scale, criteria.mean, criteria.whiten)
+    score[0] = depth + criteria.proposal_error * proposal_error + criteria.prior_excess * prior_excess
+    score[1], score[2], score[3], score[4] = depth, mean_depth_error, proposal_error, prior_excess
 
 
 @njit(cache=True)

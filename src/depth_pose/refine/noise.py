@@ -25,17 +25,17 @@ _SHARE = 0.2
 """Share of each frame in the running mean; set by hand."""
 
 
-def skin_noise(person: PersonView, gap: float) -> float:
+def skin_noise(person: PersonView, mean_depth_error: float) -> float:
     """Compute the deviation of a person's points about the skin that neighbouring points share, metres.
 
     Parameters
     ----------
     person : PersonView
-    gap : float
+    mean_depth_error : float
         Mean depth difference of the frame's fit (`depth_pose.body.rendered_depth.Comparison`), metres.
     """
     pixel = _OF_BEND * float(measure_bend(person.full.depth, person.full.labels, PERSON, 1))
-    return math.sqrt(max(0.0, (_OF_GAP * gap) ** 2 - pixel**2))
+    return math.sqrt(max(0.0, (_OF_GAP * mean_depth_error) ** 2 - pixel**2))
 
 
 def renew_noise(before: float, now: float) -> float:

@@ -29,15 +29,15 @@ class Weights(NamedTuple):
 
     Attributes
     ----------
-    away : float
+    proposal_error : float
         Of each standard deviation from the measured joints; .06 keeps a leg that kneels in a wrong place, .09
         and .16 are as good.
-    odd : float
+    prior_excess : float
         Of each standard deviation above the usual.
     """
 
-    away: float = 0.12
-    odd: float = 0.2
+    proposal_error: float = 0.12
+    prior_excess: float = 0.2
 
 
 WEIGHTS = Weights()
@@ -54,19 +54,19 @@ class Score(NamedTuple):
     total : float
     depth : float
         Disagreement with the depth image, 0 to 1.
-    gap : float
+    mean_depth_error : float
         Mean depth difference where body and person overlap, metres; not part of the total.
-    away : float
+    proposal_error : float
         Mean distance of the joints from the measured ones, standard deviations; 0 without.
-    odd : float
+    prior_excess : float
         Excess of the pose prior, standard deviations; less where the pose is near the measured joints.
     """
 
     total: float
     depth: float
-    gap: float
-    away: float
-    odd: float
+    mean_depth_error: float
+    proposal_error: float
+    prior_excess: float
 
 
 class Objective:

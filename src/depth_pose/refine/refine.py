@@ -152,7 +152,7 @@ class Refiner:
             person.stamp_ns,
             is_calm=person.found.is_calm,
         )
-        noise = renew_noise(state.answer.noise, skin_noise(person, best.terms.gap))
+        noise = renew_noise(state.answer.noise, skin_noise(person, best.terms.mean_depth_error))
         answer = state.answer._replace(pose=best.body.pose, noise=noise)
         state = state._replace(answer=answer, shape=learned)
         return state, Fitted(
@@ -162,7 +162,7 @@ class Refiner:
             body,
             shape.build,
             best.terms.depth,
-            best.terms.gap,
+            best.terms.mean_depth_error,
         )
 
     def _problem(self, person: PersonView, shape: Shape, noise: float) -> Problem:

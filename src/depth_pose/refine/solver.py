@@ -134,7 +134,7 @@ def solve(
         Whether hardly anything has moved since the person was measured: no other start is tried.
     """
     fits = [problem.rough(h) for h in starts if h.source in _FOLLOWED]
-    if fits and (is_calm or (is_measured and fits[0].terms.away < _CALM)):
+    if fits and (is_calm or (is_measured and fits[0].terms.proposal_error < _CALM)):
         return _finish(fits[0], problem)
     if fresh := [h for h in starts if h.source not in _FOLLOWED]:
         fits.append(problem.best(fresh, _ROUGHS if is_measured else _UNMEASURED_ROUGHS))

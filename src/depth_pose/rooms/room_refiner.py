@@ -125,7 +125,8 @@ class RoomRefiner:
         memory.state = memory.state._replace(shape=learned)
         told = []
         for view, (posed, score) in zip(views, seen, strict=True):
-            answer = Fitted(named[1], stamp_ns, Source.REFINED, posed, shape.build, score.depth, score.gap)
+            terms = score.depth, score.mean_depth_error
+            answer = Fitted(named[1], stamp_ns, Source.REFINED, posed, shape.build, *terms)
             own = place(to_skeleton(view.person, answer), view.T_room_camera, named[0])
             told.append(replace(own, stamp_ns=stamp_ns, body_id=named[1]))
         return self._fuse(best, told, shares, memory)
@@ -164,7 +165,7 @@ class RoomRefiner:
             body_id=first.body_id,
             source=Source.REFINED,
             confidence=max(t.confidence for t in told),
-            residual=best.terms.gap,
+            residual=best.terms.mean_depth_error,
             scale=best.body.pose.scale,
             positions=mean,
             quats_xyzw=matrix_to_quat(best.body.pose.rotations[JOINT_NODES]),

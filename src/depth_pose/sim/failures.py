@@ -83,4 +83,5 @@ def fail(kind: str, fitted: Fitted, person: PersonView, bank: Bank, rng: np.rand
     posed = body.pose(pose.rotations, pose.root, pose.scale)
     seen = person.comparer.compare(posed.vertices, body.faces)
     wrong = FittedBody(pose, posed.vertices, posed.nodes)
-    return replace(fitted, body=wrong, build=np.zeros(0, np.float32), score=seen.score, gap=seen.gap)
+    answer = replace(fitted, body=wrong, build=np.zeros(0, np.float32))
+    return replace(answer, score=seen.score, mean_depth_error=seen.mean_depth_error)

@@ -108,7 +108,7 @@ def _fill(record: np.void, person: PersonView) -> None:
         record["confidence"] = measured.confidence
         record["heel_count"] = len(measured.heels)
         record["heels"][: len(measured.heels)] = measured.heels
-        record["sides"], record["measured_probability"] = measured.sides, measured.probability
+        record["sides"], record["measured_probability"] = measured.left_right_confidence, measured.probability
 
 
 def people_of(arrays: Sequence[NDArray[Any]], stamp_ns: int, frame_id: str) -> FramePeople:
@@ -177,6 +177,6 @@ def _measurement_of(record: np.void) -> JointMeasurement | None:
         sigma=record["sigma"].copy(),
         confidence=record["confidence"].copy(),
         heels=record["heels"][: record["heel_count"]].copy(),
-        sides=float(record["sides"]),
+        left_right_confidence=float(record["sides"]),
         probability=float(record["measured_probability"]),
     )

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.body.rendered_depth import DepthComparer, Observation, nearest_person_pixels
+from depth_pose.body.rendered_depth import DepthScorer, Observation, nearest_person_pixels
 from depth_pose.core.camera import Camera
 from depth_pose.core.measurement import NO_PROPOSALS, JointMeasurement, both_namings
 from depth_pose.core.medians import median_of
@@ -101,9 +101,9 @@ class PersonView:
         return self.full.strided(2)
 
     @cached_property
-    def comparer(self) -> DepthComparer:
+    def comparer(self) -> DepthScorer:
         """Compares posed bodies with the half-resolution window."""
-        return DepthComparer(self.coarse)
+        return DepthScorer(self.coarse)
 
     @cached_property
     def _targets(self) -> dict[int, FitTarget]:

@@ -26,7 +26,7 @@ _FIT = np.dtype(
         ("nodes", "<f8", (len(NODES), 3)),
         ("build", "<f4", BUILD_SIZE),
         ("score", "<f8"),
-        ("gap", "<f8"),
+        ("mean_depth_error", "<f8"),
     ]
 )
 """One fitted body."""
@@ -41,7 +41,7 @@ def fitted_to_msg(fitted: Sequence[Fitted], people: FramePeople) -> Packed:
     records = np.zeros(len(fitted), _FIT)
     for record, one in zip(records, fitted, strict=True):
         record["body_id"], record["source"] = one.body_id.encode(), one.source
-        record["score"], record["gap"] = one.score, one.gap
+        record["score"], record["mean_depth_error"] = one.score, one.mean_depth_error
         if one.body is not None:
             pose = one.body.pose
             record["rotations"], record["root"], record["scale"] = pose.rotations, pose.root, pose.scale
@@ -77,7 +77,7 @@ def msg_to_fitted(message: Packed, vertices: int) -> tuple[FramePeople, tuple[Fi
         raise InputError(f"the source of a fit is {odd[0]}; it is one of 0 to {max(Source)}")
     for name, most in (("rotations", 1.1), ("root", 1e3), ("scale", 100.0), ("nodes", 1e3), ("build", 100.0)):
         check_numbers(f"{name} of a fit", records[name], most)
-    check_numbers("the score or gap of a fit", [records["score"], records["gap"]])
+    check_numbers("the score or depth error of a fit", [records["score"], records["mean_depth_error"]])
     check_numbers("a vertex", skins)
     meshes = iter(skins.astype(np.float64, copy=False).reshape(len(known), vertices, 3))
     return people, tuple(
@@ -97,5 +97,5 @@ def _fitted(record: np.void, body_id: str, stamp_ns: int, vertices: NDArray[np.f
         FittedBody(BodyPose(rotations, root, float(record["scale"])), vertices, nodes),
         build,
         float(record["score"]),
-        float(record["gap"]),
+        float(record["mean_depth_error"]),
     )

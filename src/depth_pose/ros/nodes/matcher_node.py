@@ -15,7 +15,7 @@ from depth_pose.ros.nodes.bank_node import BankNode
 from depth_pose.ros.nodes.node_base import Input
 from depth_pose.ros.nodes.parameters import MATCHER
 from depth_pose.ros.process.runner import run_node
-from depth_pose.stages import Shared
+from depth_pose.stages import StageFactory
 
 
 class MatcherNode(BankNode):
@@ -31,7 +31,7 @@ class MatcherNode(BankNode):
 
     def make_stage(self, config: PipelineConfig) -> Matcher:
         """Build the matcher; live, its time is limited."""
-        matcher = Shared(self.bank, config).make_matcher()
+        matcher = StageFactory(self.bank, config).make_matcher()
         matcher.time_budget.limit_s = 0.0 if self.lossless else self.value("time_budget")
         return matcher
 

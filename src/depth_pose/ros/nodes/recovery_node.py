@@ -13,7 +13,7 @@ from depth_pose.core.config import PipelineConfig
 from depth_pose.core.mount import check_upright, rotate_to_sensor, sensor_frame
 from depth_pose.core.result import Skeleton as SkeletonData
 from depth_pose.io.skeleton_cdr import write_people, write_skeleton
-from depth_pose.recover.recover import Recoverer
+from depth_pose.recover.recover import FailureRecovery
 from depth_pose.ros.messages.fits import msg_to_fitted
 from depth_pose.ros.nodes.bank_node import BankNode
 from depth_pose.ros.nodes.node_base import Input
@@ -23,7 +23,7 @@ from depth_pose.ros.nodes.standard_outputs import StandardOutputs
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.transport.drawing import skeletons_to_markers
 from depth_pose.ros.transport.tf import Transforms, skeletons_to_transforms
-from depth_pose.stages import Shared
+from depth_pose.stages import StageFactory
 from depth_pose.track.follow import Follower
 from depth_pose.track.nobody import NobodyWatch
 
@@ -39,11 +39,11 @@ class RecoveryNode(BankNode):
         self._is_doubt_told = False
         super().__init__("recovery")
 
-    def make_stage(self, config: PipelineConfig) -> Recoverer:
+    def make_stage(self, config: PipelineConfig) -> FailureRecovery:
         """Build the recoverer, and the selection of the followed person."""
         self._follower = Follower(config.follow)
         self._nobody = NobodyWatch()
-        return Shared(self.bank, config).make_recoverer()
+        return StageFactory(self.bank, config).make_recoverer()
 
     def open_outputs(self) -> None:
         """Create the publishers for other programs: reliable, which suits every subscriber."""

@@ -22,7 +22,7 @@ from depth_pose.ros.nodes.node_base import Input
 from depth_pose.ros.nodes.parameters import REFINE
 from depth_pose.ros.process.runner import run_node
 from depth_pose.ros.transport.drawing import mesh_to_marker
-from depth_pose.stages import Shared
+from depth_pose.stages import StageFactory
 from depth_pose.track.person_view import FramePeople
 
 
@@ -39,7 +39,7 @@ class RefineNode(BankNode):
 
     def make_stage(self, config: PipelineConfig) -> Refiner:
         """Build the refiner."""
-        return Shared(self.bank, config).make_refiner()
+        return StageFactory(self.bank, config).make_refiner()
 
     def check_config(self, config: PipelineConfig, changes: Mapping[str, Any]) -> None:
         """Refuse a build that cannot be read."""
@@ -64,7 +64,7 @@ class RefineNode(BankNode):
         self.statistics.values["people"] = len(fitted)
         for f in fitted[:1]:
             self.statistics.values["score"] = f.score
-            self.statistics.values["residual_m"] = f.gap
+            self.statistics.values["residual_m"] = f.mean_depth_error
         self._publish_meshes(fitted, people)
 
     def _publish_meshes(self, fitted: Sequence[Fitted], people: FramePeople) -> None:
