@@ -149,9 +149,8 @@ def replay_misfit(
 
 
 def test_a_thing_whose_body_takes_an_unusual_pose_is_vetoed(run) -> None:
-    stage = recoverer(
-        tuning=Tuning(recover=RecoverTuning(enabled=False))
-    )  # or the last pose would replace it
+    as_fitted = Tuning(recover=RecoverTuning(enabled=False))  # the last pose would replace it
+    stage = recoverer(tuning=as_fitted)
     assert all(a is None for a in replay_misfit(stage, run, 0.35, knees_forward))
     assert stage.doubtful == FRAMES
 

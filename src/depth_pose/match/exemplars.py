@@ -21,7 +21,7 @@ from depth_pose.match._match_kernels import keep_different
 from depth_pose.match.placing import (
     ExemplarRenderer,
     ExemplarViews,
-    Placed,
+    ScoredExemplars,
     better,
     join,
     place_exemplars,
@@ -61,7 +61,7 @@ class ExemplarSource:
         self._upright = UprightExemplars(bank)
         self._proposed = ProposedExemplars(bank)
 
-    def find(self, person: PersonView, scale: float | None) -> tuple[float, Placed]:
+    def find(self, person: PersonView, scale: float | None) -> tuple[float, ScoredExemplars]:
         """Return the size whose exemplars agree best, and those, ranked.
 
         Parameters
@@ -85,12 +85,12 @@ class ExemplarSource:
         best = better(*(self._renderer.compare(p, scale, fine) for p in (there, there.moved())))
         return scale, best.take(best.ranking())
 
-    def pose(self, placed: Placed, row: int, scale: float) -> BodyPose:
+    def pose(self, placed: ScoredExemplars, row: int, scale: float) -> BodyPose:
         """Return the pose of one placed exemplar in the camera frame."""
         rotations = placed.rotations[row] @ self.bank.rotations(int(placed.exemplars[row]))
         return BodyPose(rotations, placed.translations[row], scale)
 
-    def _shortlist(self, person: PersonView, scale: float, count: int) -> Placed:
+    def _shortlist(self, person: PersonView, scale: float, count: int) -> ScoredExemplars:
         """Return the exemplars nearest to the measured joints, or to the cloud in the subspace, placed."""
         if (proposed := self._proposed.find(person.measured, scale)) is not None:
             return proposed
@@ -106,7 +106,7 @@ class ExemplarSource:
             found.append((upright.views, upright.all, head_axes(points, scale)))
         return join([place_exemplars(*one, scale) for one in found])
 
-    def keep_different(self, placed: Placed, *, is_measured: bool) -> tuple[Candidate, ...]:
+    def keep_different(self, placed: ScoredExemplars, *, is_measured: bool) -> tuple[Candidate, ...]:
         """Return the best few candidates with different poses, more of them without measured joints."""
         most = self.tuning.keep if is_measured else self.tuning.keep_unmeasured
         return tuple(

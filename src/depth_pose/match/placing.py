@@ -40,7 +40,7 @@ class ExemplarViews:
     view_origins: NDArray[np.float32]
 
 
-class Placed(NamedTuple):
+class ScoredExemplars(NamedTuple):
     """Exemplars placed at the input.
 
     Attributes
@@ -70,11 +70,11 @@ class Placed(NamedTuple):
     shifts: NDArray[np.float64]
     nodes: NDArray[np.float64]
 
-    def take(self, rows: NDArray[np.int64]) -> Placed:
+    def take(self, rows: NDArray[np.int64]) -> ScoredExemplars:
         """Return a subset in the order of ``rows``."""
-        return Placed._make([column[rows] for column in self])
+        return ScoredExemplars._make([column[rows] for column in self])
 
-    def moved(self) -> Placed:
+    def moved(self) -> ScoredExemplars:
         """Return a copy translated by the shifts."""
         return self._replace(translations=self.translations + self.shifts)
 
@@ -83,7 +83,9 @@ class Placed(NamedTuple):
         return self.scores.argsort(kind="stable")
 
 
-def place_exemplars(views: ExemplarViews, nearest: Nearest, axes: CanonicalAxes, scale: float) -> Placed:
+def place_exemplars(
+    views: ExemplarViews, nearest: Nearest, axes: CanonicalAxes, scale: float
+) -> ScoredExemplars:
     """Place views of exemplars, entries ``pose * W + view``, on an input's canonical axes."""
     count = len(nearest.entries)
     rotations, translations = np.empty((count, 3, 3)), np.empty((count, 3))
@@ -98,10 +100,10 @@ def place_exemplars(views: ExemplarViews, nearest: Nearest, axes: CanonicalAxes,
 
 def unscored(
     exemplars: NDArray[np.int64], rotations: NDArray[np.float64], translations: NDArray[np.float64]
-) -> Placed:
+) -> ScoredExemplars:
     """Return exemplars with given transforms, without view, before any comparison."""
     count = len(exemplars)
-    return Placed(
+    return ScoredExemplars(
         exemplars=exemplars,
         views=np.zeros(count, np.int64),
         distances=np.zeros(count, np.float32),
@@ -113,17 +115,17 @@ def unscored(
     )
 
 
-def better(a: Placed, b: Placed) -> Placed:
+def better(a: ScoredExemplars, b: ScoredExemplars) -> ScoredExemplars:
     """Return for each row the one with the lower score; the first if equal."""
     rows = np.arange(len(a.scores))
     return join([a, b]).take(np.where(b.scores < a.scores, rows + len(rows), rows))
 
 
-def join(parts: Sequence[Placed]) -> Placed:
+def join(parts: Sequence[ScoredExemplars]) -> ScoredExemplars:
     """Concatenate several in order."""
     if len(parts) == 1:
         return parts[0]
-    return Placed._make([np.concatenate(columns) for columns in zip(*parts, strict=True)])
+    return ScoredExemplars._make([np.concatenate(columns) for columns in zip(*parts, strict=True)])
 
 
 class ExemplarRenderer:
@@ -133,7 +135,7 @@ class ExemplarRenderer:
         self._quats = bank.pose_quats
         self._skin = coarsen(bank.body, COARSE_VERTICES).skin
 
-    def compare(self, placed: Placed, scale: float, observed: Observation) -> Placed:
+    def compare(self, placed: ScoredExemplars, scale: float, observed: Observation) -> ScoredExemplars:
         """Score exemplars where they are placed, and estimate their offsets."""
         compared = placed._replace(
             scores=np.empty(placed.scores.shape),

@@ -15,7 +15,7 @@ from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.rotations import nearest_rotation
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, body_length
 from depth_pose.match import _search_kernels as kernels
-from depth_pose.match.placing import Placed, unscored
+from depth_pose.match.placing import ScoredExemplars, unscored
 
 _LEFT = [JOINT_INDEX["left_shoulder"], JOINT_INDEX["left_hip"]]
 _RIGHT = [JOINT_INDEX["right_shoulder"], JOINT_INDEX["right_hip"]]
@@ -43,7 +43,7 @@ class ProposedExemplars:
         self._local = np.ascontiguousarray(local.reshape(bank.poses, -1).T)
         self._squares = np.ascontiguousarray((local**2).sum(axis=2).T)
 
-    def find(self, measured: JointMeasurement | None, scale: float) -> Placed | None:
+    def find(self, measured: JointMeasurement | None, scale: float) -> ScoredExemplars | None:
         """Return the exemplars whose joints are nearest to a person's proposals; None without proposals."""
         if measured is None:
             return None
