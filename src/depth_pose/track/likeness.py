@@ -16,6 +16,10 @@ last seen and the time :math:`\delta` since the last frame, the gain of pairing 
 - :math:`q`: joints about their centre, relative to those of any person (`pose_gain`); fades with the gap.
 
 The best assignment has the largest sum of gains; pairs with negative gain are not made.
+
+Constants that say "swept" were set by hand, then halved and doubled (``benchmarks/accuracy.py tracks``). The
+mixture of hidden people who stay and who wander changes nothing in rooms with crossings, but without it ids
+in a corridor change six times instead of once.
 """
 
 from __future__ import annotations
@@ -33,23 +37,23 @@ from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, rest_nodes
 from depth_pose.detect.segmentation import Detection
 
 _MISSED, _HIDES_S = 0.03, 4.0
-"""Probability of missing a person in view in a frame, and mean time for which people stay in view (s); set
-by hand."""
+"""Probability of missing a person in view in a frame, and mean time for which people stay in view (s);
+swept."""
 
 _UNPROVEN = -4.0
-"""Log-odds (nats) that an unconfirmed track is not a fragment of another person; set by hand."""
+"""Log-odds (nats) that an unconfirmed track is not a fragment of another person; swept."""
 
 _RETURN_S = 0.3
-"""A person hidden for a time t returns at a rate of 1 / (t + this), seconds; set by hand."""
+"""A person hidden for a time t returns at a rate of 1 / (t + this), seconds; swept."""
 
 _NEWCOMERS = 0.002
-"""Rate of newcomers, 1/(m^2 s): one in 30 s on 15 m^2; set by hand."""
+"""Rate of newcomers, 1/(m^2 s): one in 30 s on 15 m^2; swept."""
 
 _THINGS = 0.005
-"""Density of objects per frame at a person probability of one half, 1/m^2; set by hand."""
+"""Density of objects per frame at a person probability of one half, 1/m^2; swept."""
 
 _ONE_BODY_M = 0.3
-"""Least distance of two torsos (m); set by hand."""
+"""Least distance of two torsos (m); swept."""
 
 _STILL_M = 0.45
 """Movement of a torso's place (m) from frame to frame when parts of the person appear or vanish."""
@@ -66,15 +70,15 @@ _PLACE_M, _PLACE_SHARE, _PLACE_M_S = 0.06, 0.02, 1.0
 simulated rooms."""
 
 _JUMPS = 0.02
-"""Share of places anywhere within reach, for people who come into view or wrong stamps; set by hand."""
+"""Share of places anywhere within reach, for people who come into view or wrong stamps; swept."""
 
 _STAY_M, _WANDER_M_S, _WANDER_M = 0.3, 1.0, 2.5
 """Spread of the place of a hidden person who stays (m), its growth for one who wanders (m/s), and its
-maximum (m); set by hand."""
+maximum (m); swept."""
 
 _STOP_SHARE, _STOP_S = 0.5, 1.0
-"""Share of hidden people who stop walking, and the time constant (s); half of them stay, half wander; set
-by hand."""
+"""Share of hidden people who stop walking, and the time constant (s); half of them stay, half wander;
+swept."""
 
 _COASTING_S = 0.7
 """Time after which a hidden person is no longer expected to walk on (s)."""
@@ -83,10 +87,10 @@ _POPULATION = (math.log(1.65), 0.15)
 """Mean and standard deviation of the logarithm of stature (m), children among them."""
 
 _BUILD_SD = 0.03
-"""Least standard deviation of the logarithm of size, for any number of observations; set by hand."""
+"""Least standard deviation of the logarithm of size, for any number of observations; swept."""
 
 _CORRELATED_S = 0.2
-"""Observations closer in time than this (s) have correlated size errors; set by hand."""
+"""Observations closer in time than this (s) have correlated size errors; swept."""
 
 _WORST_SIZE = -10.0
 """Least gain from size (nats): the size in a single frame may be entirely wrong."""
@@ -96,7 +100,7 @@ _POSE_M, _POSE_M_S, _ANY_POSE_M = 0.02, 0.28, 0.17
 people (m); measured in simulated rooms."""
 
 _ODD_POSES = 0.05
-"""Share of poses that do not continue the last one, as when left and right are exchanged; set by hand."""
+"""Share of poses that do not continue the last one, as when left and right are exchanged; swept."""
 
 _LEAST_CONFIDENCE = 1e-3
 """Lower bound of confidences: an error of 3 m."""

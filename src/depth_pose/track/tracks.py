@@ -30,7 +30,7 @@ _MOST_SPEED_M_S = 3.0
 """Maximum velocity used to predict a track (m/s)."""
 
 _VELOCITY_SHARE, _VELOCITY_S = 0.3, 0.04
-"""Weight of a new velocity in a frame, and the length of that frame (s); set by hand."""
+"""Weight of a new velocity in a frame, and the length of that frame (s); swept."""
 
 
 class TrackLimits(NamedTuple):
