@@ -64,7 +64,8 @@ PRIVATE_USED = {
     "test_contact.py": {"_closest"},  # as well
     "test_viewer_gate.py": {"_gui_input_handle_from_uuid"},  # viser offers no public list of its inputs
     "test_tracker.py": {"_repr_html_"},  # the name that notebooks ask for
-    "conftest.py": {"_STOP_PATIENCE_S"},  # a busy machine needs longer than the supervisor grants
+    # a busy machine needs longer than the supervisor grants; xdist offers no public place for a dead worker
+    "conftest.py": {"_STOP_PATIENCE_S", "_reschedule"},
     "decoders_files.py": {"_expected_crc"},  # zipfile cannot read past a wrong checksum otherwise
 }
 """Underscore names that tests may use, by file. A test module that needs another is given a public one."""
