@@ -133,13 +133,13 @@ def believed(scene: Scene, result: FrameResult, pipeline: PosePipeline) -> Itera
     """Yield each track's person probability and whether it is one, except those of whom little shows."""
     odds, torsos = PersonOdds.load(), scene.joints[:, _TORSO].mean(axis=1)
     for person in result.people.persons:
-        disagreement = pipeline.states[person.body_id].evidence.disagreement
-        if person.measured is None or disagreement is None:
+        pose_distance = pipeline.states[person.body_id].evidence.pose_distance
+        if person.measured is None or pose_distance is None:
             continue
         away = np.linalg.norm(torsos - person.measured.places[_TORSO].mean(axis=0), axis=1)
         near = float(scene.visible[away < REACH_M].max(initial=0.0))
         if not WEAK < near < ASKED:
-            yield odds.after_fit(person.found.probability, disagreement), near >= ASKED
+            yield odds.after_fit(person.found.probability, pose_distance), near >= ASKED
 
 
 def mounting_of(scene: Scene) -> str:
