@@ -15,11 +15,11 @@ import pytest
 
 import depth_pose
 from command import Done, caller, environment
-from depth_pose.cli.console import loading
 from depth_pose.core.camera import Camera
 from depth_pose.core.config import PersonalConfig, PipelineConfig, SegmentConfig
 from depth_pose.core.errors import ConfigError, InputError
 from depth_pose.core.options import options
+from depth_pose.core.progress import loading
 from depth_pose.core.settings_file import read_settings
 from depth_pose.io.mcap_write import DepthWriter
 from skeletons import make_skeleton

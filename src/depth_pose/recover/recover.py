@@ -123,6 +123,8 @@ class FailureRecovery:
         answer = _answered(Fitted.lost(0, ""), solved)
         answer = replace(answer, build=average, source=Source.RECOVERED)
         to_skeleton(person, answer)
+        self._objective.pose_distance(answer)
+        self._objective.score(person, solved.body)
         limit_excess(self.bank.body, answer)
         if self._clouds is not None:
             self._clouds.carry(person, person, answer)
