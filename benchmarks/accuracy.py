@@ -30,4 +30,4 @@ if __name__ == "__main__":
         "deviations",
         "spread",
     )
-    run_part(__doc__, {name: name for name in (*parts, "spread")})
+    run_part(__doc__, {name: name for name in parts})

@@ -23,7 +23,7 @@ PLACE = np.array([0.0, 0.0, 3.0])
 def test_an_arm_that_no_exemplar_lifts_so_far_is_found(lift) -> None:
     posed = the_body().pose(R_CAMERA_FACING_MODEL @ rotations(lift, 0.1), PLACE)
     prior = PosePrior(usual_joints(the_bank()))
-    assert prior.excess(posed.nodes, 1.0) > 0.5
+    assert prior.distance(posed.nodes, 1.0) > 1.2  # the 95th percentile of the bank is .98
     people = syn.to_people(syn.draw((posed.vertices, the_body().faces)))
     (person,) = people.persons
     joints = posed.nodes[JOINT_NODES]

@@ -45,23 +45,17 @@ class Criteria(NamedTuple):
 
 
 @njit(cache=True)
-def weigh(criteria, nodes, scale, depth, mean_depth_error, score):
-    """Write the score of a pose whose disagreement with the depth image is known: `Score`, as (5,)."""
+def score_body(criteria, vertices, faces, nodes, scale, score):
+    """Render a posed body, and write its score: `Score`, as (5,)."""
+    zbuffer, seen = np.empty(criteria.observed.depth.shape, np.float32), np.empty(5)
+    score_mesh(vertices, faces, criteria.observed, SCORE_BAND_M, zbuffer, seen)
     joints, proposal_error, open_share = nodes[JOINT_NODES], 0.0, 1.0
     if criteria.places.shape[0] > 0:
         proposal_error = mean_deviation(joints, criteria.places, criteria.sigmas, _FARTHEST)
         open_share = min(1.0, proposal_error)
     prior_excess = open_share * excess(joints, scale, criteria.mean, criteria.whiten)
-    score[0] = depth + criteria.proposal_error * proposal_error + criteria.prior_excess * prior_excess
-    score[1], score[2], score[3], score[4] = depth, mean_depth_error, proposal_error, prior_excess
-
-
-@njit(cache=True)
-def score_body(criteria, vertices, faces, nodes, scale, score):
-    """Render a posed body, and write its score: `Score`, as (5,)."""
-    zbuffer, seen = np.empty(criteria.observed.depth.shape, np.float32), np.empty(5)
-    score_mesh(vertices, faces, criteria.observed, SCORE_BAND_M, zbuffer, seen)
-    weigh(criteria, nodes, scale, seen[0], seen[1], score)
+    score[0] = seen[0] + criteria.proposal_error * proposal_error + criteria.prior_excess * prior_excess
+    score[1], score[2], score[3], score[4] = seen[0], seen[1], proposal_error, prior_excess
 
 
 class Fits(NamedTuple):

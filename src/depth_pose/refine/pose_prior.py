@@ -64,7 +64,3 @@ class PosePrior:
         scale : float
         """
         return float(kernels.distance(nodes[JOINT_NODES], scale, self.mean, self.whiten))
-
-    def excess(self, nodes: Nodes, scale: float) -> float:
-        """Compute the distance of a pose above the usual; 0 for most."""
-        return float(kernels.excess(nodes[JOINT_NODES], scale, self.mean, self.whiten))
