@@ -69,15 +69,16 @@ def against_truth(pipeline: PosePipeline, path: Path) -> np.ndarray:
     for frame, people in answered(pipeline, path):
         nearest = int(np.argmin(np.abs(truth.stamps_ns - frame.stamp_ns)))
         for joints in truth.joints[nearest] if people else ():
-            answer, proposed, sigma = min(
-                people, key=lambda p: float(np.linalg.norm(p[0] - joints, axis=1).mean())
-            )
+            away = [float(np.linalg.norm(p[0] - joints, axis=1).mean()) for p in people]
+            if not min(away) < FAR * STANDING_M:  # nor where the truth knows no such person
+                continue
+            answer, proposed, sigma = people[int(np.argmin(away))]
             ray = proposed / np.linalg.norm(proposed, axis=1, keepdims=True)
             deep = ((proposed - joints) * ray).sum(axis=1, keepdims=True)
             across = np.linalg.norm(proposed - joints - deep * ray, axis=1) / (np.sqrt(2.0) * sigma[:, 0])
             both = [np.linalg.norm(one - joints, axis=1) for one in (answer, proposed)]
             off.append(np.column_stack([*both, across, np.abs(deep[:, 0]) / sigma[:, 1]]))
-    return np.concatenate(off)
+    return np.concatenate(off) if off else np.zeros((0, 4))
 
 
 def against_tracker(pipeline: PosePipeline, path: Path) -> np.ndarray:

@@ -20,7 +20,6 @@ from depth_pose.detect._border_kernels import mark_at_limbs, mark_nearer
 from depth_pose.detect.candidates import CandidateFinder, Candidates
 from depth_pose.detect.crop import Crop
 from depth_pose.detect.crop_mask import add_and_remove, refuse
-from depth_pose.detect.detection_persistence import DetectionPersistence
 from depth_pose.detect.finder import TorsoDetection
 from depth_pose.detect.joint_net import JointNet, VotingNet
 from depth_pose.detect.joint_net_schedule import JointNetSchedule, Look
@@ -72,7 +71,6 @@ class LearnedSegmenter:
         self.joint_net: JointNet = VotingNet(weights, config.mirror)
         self._masks = MaskPropagation(config, tuning)
         self._schedule = JointNetSchedule(tuning.look_every, config.speed)
-        self._persistence = DetectionPersistence(tuning.sure)
         self.reset()
 
     def reset(self) -> None:
@@ -80,7 +78,6 @@ class LearnedSegmenter:
         self.candidates.reset()
         self._masks.reset()
         self._schedule.reset()
-        self._persistence.reset()
 
     def warm_up(self) -> None:
         """Compile every kernel, and load the net."""
@@ -102,7 +99,6 @@ class LearnedSegmenter:
             found, frame.stamp_ns, lambda p: self._look_at(p, found, labels), self._threads
         )
         detections = [_detection(p, look) for p, look in zip(found.people, looks, strict=True)]
-        detections = self._persistence.renew(detections, labels, found.depth, frame.stamp_ns)
         sure = tuple(s for s in detections if s.probability >= self._tuning.keep)
         for thing, look in zip(detections, looks, strict=True):
             mask = look.seen.mask
