@@ -43,6 +43,9 @@ _ASKED, _IGNORED = 0.3, 0.05
 _SIGNS, _SIGNS_FITTED = (0, 1, 1, 1, 1, 0, -1), (0, 1, -1)
 """Signs that weights must have: detections, way and time speak for a person, deviations and unusual poses
 against one."""
+_FITTED = 0.2
+"""Probability before the fit of the tracks that the odds after it are fitted to: others are hardly ever
+fitted, and more of them are things. Best of 0, .1, .2, .3 and .4 in clips kept apart."""
 _STEPS, _RIDGE = 40, 1.0
 """Newton steps, and ridge on all weights but the constant."""
 _KINDS = ("still", "walks", "still", "moving camera")
@@ -183,8 +186,9 @@ def fit_odds(
     apart = rows.clip // (len(HOME_FAMILIES) * len(_KINDS)) % 4 == 3
     taught = rows.at(~apart)
     weights = fit(taught.terms, taught.is_person, _SIGNS)
-    after = np.column_stack([np.ones(len(taught.terms)), taught.terms @ weights, taught.pose_distance])
-    odds = PersonOdds(weights, fit(after, taught.is_person, _SIGNS_FITTED))
+    fitted = taught.at(logistic(taught.terms @ weights) >= _FITTED)
+    after = np.column_stack([np.ones(len(fitted.terms)), fitted.terms @ weights, fitted.pose_distance])
+    odds = PersonOdds(weights, fit(after, fitted.is_person, _SIGNS_FITTED))
     for name, at in (("fitted on", ~apart), ("others", apart)):
         print(name)
         report(odds, rows.at(at))

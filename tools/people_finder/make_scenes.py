@@ -67,28 +67,26 @@ class Style(StrEnum):
     LOOKALIKES = "lookalikes"
 
 
-def make_scene(seed: int, index: int, style: Style = Style.MIXED) -> Scene:
+def make_scene(seed: int, index: int, style: Style = Style.MIXED, mounting: str | None = None) -> Scene:
     """Make scene number `index` of a seed; of mixed ones and of lookalikes every second is a home."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, index]))
     if style is Style.HOMES or (style in (Style.MIXED, Style.LOOKALIKES) and index % 2):
         nobody = 0 if style is Style.LOOKALIKES else None
-        return sample_home(rng, width=COLUMNS, people=nobody, with_background=True)
+        return sample_home(rng, width=COLUMNS, people=nobody, mounting=mounting, with_background=True)
     sensor = sample_home_sensor(rng)
+    common = {"width": COLUMNS, "mounting": mounting, "sensor": sensor, "with_background": True}
     if style is Style.LOOKALIKES:
-        return sample_scene(
-            rng, width=COLUMNS, people=0, studio=False, lookalikes=True, sensor=sensor, with_background=True
-        )
-    studio = True if style is Style.STUDIOS else None
-    return sample_scene(rng, width=COLUMNS, studio=studio, sensor=sensor, with_background=True)
+        return sample_scene(rng, people=0, studio=False, lookalikes=True, **common)
+    return sample_scene(rng, studio=True if style is Style.STUDIOS else None, **common)
 
 
-def make_shard(folder: Path, seed: int, style: Style, first: int, count: int) -> int:
+def make_shard(folder: Path, seed: int, style: Style, mounting: str | None, first: int, count: int) -> int:
     """Make a file of scenes, unless it exists; return the number of scenes."""
     path = folder / f"{style.value}_{first:07d}.npz"
     if path.exists():
         return count
     with threadpool_limits(1):  # more threads only wait for each other on images this small
-        arrays = _stack([make_scene(seed, i, style) for i in range(first, first + count)])
+        arrays = _stack([make_scene(seed, i, style, mounting) for i in range(first, first + count)])
     arrays["index"] = np.arange(first, first + count)
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     _save(part, arrays)
@@ -153,6 +151,10 @@ def main(
             "homes, half rooms with coats, and nobody"
         ),
     ] = Style.MIXED,
+    mounting: Annotated[
+        str | None,
+        typer.Option(help="Mounting of every camera (common, ceiling, low, rolled); drawn if not given"),
+    ] = None,
 ) -> None:
     """Make scenes; existing shards are kept, so that an interrupted run can be continued."""
     out.mkdir(parents=True, exist_ok=True)
@@ -161,20 +163,25 @@ def main(
     columns = (TextColumn("scenes"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns) as progress:
         task = progress.add_task("scenes", total=count)
-        for done in _made(out, seed, style, list(zip(starts, sizes, strict=True)), workers):
+        for done in _made(out, seed, style, mounting, list(zip(starts, sizes, strict=True)), workers):
             progress.advance(task, done)
 
 
 def _made(
-    folder: Path, seed: int, style: Style, shards: list[tuple[int, int]], workers: int
+    folder: Path,
+    seed: int,
+    style: Style,
+    mounting: str | None,
+    shards: list[tuple[int, int]],
+    workers: int,
 ) -> Iterator[int]:
     """Make shards in several processes; yield the size of each when it is done."""
     if workers == 1:
-        yield from (make_shard(folder, seed, style, *shard) for shard in shards)
+        yield from (make_shard(folder, seed, style, mounting, *shard) for shard in shards)
         return
     with pool(workers) as processes:
         for job in as_completed(
-            [processes.submit(make_shard, folder, seed, style, *shard) for shard in shards]
+            [processes.submit(make_shard, folder, seed, style, mounting, *shard) for shard in shards]
         ):
             yield job.result()
 
