@@ -1,13 +1,11 @@
 r"""Estimate the clocks of recorded cameras over time, from people who walk; clocks may step.
 
-The offset of a camera's clock is that of `depth_pose.rooms.clock`: sightings with velocity :math:`v` lie
-:math:`d = -v\,o` from where other cameras see the person. Over a recording it is piecewise constant: where
-two offsets explain the sightings much better than one, the recording is divided there, and so on.
+The offset of a camera's clock is that of `depth_pose.rooms.clock`. Over a recording it is piecewise constant:
+where two offsets explain the sightings much better than one, the recording is divided there, and so on.
 """
 
 from __future__ import annotations
 
-import math
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -17,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.result import Skeleton
-from depth_pose.rooms.clock import CORRELATED_S, ENOUGH_S, SLOW_M_S
+from depth_pose.rooms.clock import ENOUGH_S, blocks_of, centred, estimate_offset, sums_of
 from depth_pose.rooms.merge import place
 from depth_pose.rooms.rig import ROOM_FRAME
 from depth_pose.rooms.sightings import RoomSighting
-from depth_pose.rooms.tracks import Comparison, RoomTracks
+from depth_pose.rooms.tracks import RoomTracks
+from depth_pose.rooms.walks import CORRELATED_S, Walks
 from depth_pose.rooms.watch import CLOCK_S
 
 _FARTHEST_M = 1.0
@@ -29,9 +28,6 @@ _FARTHEST_M = 1.0
 
 _BETTER = 20.0
 """Minimum decrease of the squared error by a step, in variances: one in 20,000 by chance. Set by hand."""
-
-_SURE = 3.0
-"""Number of standard deviations by which an offset must exceed `CLOCK_S`; set by hand."""
 
 
 @dataclass(frozen=True)
@@ -81,8 +77,9 @@ class ClockCourses:
 
     def __init__(self, T_room_camera: Sequence[NDArray[np.float64]]) -> None:
         self._places = list(T_room_camera)
-        self._tracks = RoomTracks()
-        self._samples: list[list[tuple[int, float, float, float, float]]] = [[] for _ in self._places]
+        self._tracks, self._walks = RoomTracks(), Walks()
+        self._stamps_ns: list[dict[int, int]] = [{} for _ in self._places]  # from the room's to the camera's
+        self._samples: list[list[tuple[int, NDArray[np.float64]]]] = [[] for _ in self._places]
 
     def add(self, camera: int, stamp_ns: int, room_ns: int, skeletons: Iterable[Skeleton]) -> None:
         """Add a frame, in the order of the room's stamps.
@@ -96,67 +93,60 @@ class ClockCourses:
             The camera's, in its frame.
         """
         placed = (place(s, self._places[camera], ROOM_FRAME) for s in skeletons if not s.is_lost)
-        self._tracks.assign(camera, room_ns, [RoomSighting.of(s) for s in placed])
-        samples = self._samples[camera]
-        passed_s = (stamp_ns - samples[-1][0]) * 1e-9 if samples else CORRELATED_S
-        for each in self._tracks.compare(camera, room_ns):
-            self._add(camera, stamp_ns, abs(passed_s), each)
-
-    def _add(self, camera: int, stamp_ns: int, passed_s: float, each: Comparison) -> None:
-        v, d = each.velocity[:2], each.difference[:2]
-        if math.hypot(*v.tolist()) >= SLOW_M_S and math.hypot(*d.tolist()) <= _FARTHEST_M:
-            weight = min(passed_s, CORRELATED_S)
-            sums = (weight * float(v @ v), weight * float(v @ d), weight * float(d @ d))
-            self._samples[camera].append((stamp_ns, weight, *sums))
+        people = [RoomSighting.of(s) for s in placed]
+        ids = self._tracks.assign(camera, room_ns, people)
+        self._stamps_ns[camera][room_ns] = stamp_ns
+        for sample in self._walks.add(camera, room_ns, ids, people):
+            sums = sums_of(sample)
+            if sums is not None and np.hypot(*sample.difference) <= _FARTHEST_M:
+                own_ns = self._stamps_ns[sample.camera][sample.stamp_ns]
+                self._samples[sample.camera].append((own_ns, sums))
 
     def courses(self) -> list[ClockCourse]:
         """Return the clock of each camera; the room's is camera 0's."""
         return [ClockCourse(), *map(_course, self._samples[1:])]
 
 
-def _course(samples: list[tuple[int, float, float, float, float]]) -> ClockCourse:
+def _course(samples: list[tuple[int, NDArray[np.float64]]]) -> ClockCourse:
     if not samples:
         return ClockCourse()
-    stamps = np.array([sample[0] for sample in samples])
-    sums = np.cumsum(np.vstack([np.zeros(4), [sample[1:] for sample in samples]]), axis=0)
-    starts = [0, *_steps(sums, 0, len(samples))]
-    offsets = [_offset(sums, a, b) for a, b in zip(starts, [*starts[1:], len(samples)], strict=True)]
-    return ClockCourse(tuple(stamps[starts].tolist()), tuple(offsets))
+    stamps = [stamp_ns for stamp_ns, _ in samples]
+    sums = np.array([each for _, each in samples])
+    starts = [0, *_steps(np.cumsum(np.vstack([np.zeros(sums.shape[1]), sums]), axis=0), 0, len(samples))]
+    offsets = [_offset(sums[a:b]) for a, b in zip(starts, [*starts[1:], len(samples)], strict=True)]
+    return ClockCourse(tuple(stamps[start] for start in starts), tuple(offsets))
 
 
-def _steps(sums: NDArray[np.float64], first: int, last: int) -> list[int]:
+def _steps(totals: NDArray[np.float64], first: int, last: int) -> list[int]:
     """Return where a stretch of samples is divided (binary segmentation), ascending."""
     at = np.arange(first + 1, last)
-    walked = sums[:, 0]
+    walked = totals[:, 0]
     at = at[(walked[at] - walked[first] >= ENOUGH_S) & (walked[last] - walked[at] >= ENOUGH_S)]
     if len(at) == 0:
         return []
-    rest = _rest(sums[at] - sums[first]) + _rest(sums[last] - sums[at])
+    rest = _rest(totals[at] - totals[first]) + _rest(totals[last] - totals[at])
     k = int(np.argmin(rest))
     step = int(at[k])
-    whole, walked_s = float(_rest(sums[last] - sums[first])), walked[last] - walked[first]
+    whole, walked_s = float(_rest(totals[last] - totals[first])), walked[last] - walked[first]
     variance = max(float(rest[k]), 1e-9) / (2.0 * walked_s)  # of each direction, m^2
-    differ = abs(_estimate(sums, first, step) - _estimate(sums, step, last)) > CLOCK_S
+    differ = abs(_best(totals[step] - totals[first]) - _best(totals[last] - totals[step])) > CLOCK_S
     if not differ or (whole - float(rest[k])) / CORRELATED_S < _BETTER * variance:
         return []
-    return [*_steps(sums, first, step), step, *_steps(sums, step, last)]
+    return [*_steps(totals, first, step), step, *_steps(totals, step, last)]
 
 
 def _rest(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the sum of squares that the best offset leaves."""
-    return np.asarray(sums[..., 3] - sums[..., 2] ** 2 / np.maximum(sums[..., 1], 1e-12))
+    vv, vd, dd = centred(sums)
+    return np.asarray(dd - vd**2 / vv)
 
 
-def _estimate(sums: NDArray[np.float64], first: int, last: int) -> float:
-    _, vv, vd, _ = sums[last] - sums[first]
-    return float(-vd / max(vv, 1e-12))
+def _best(sums: NDArray[np.float64]) -> float:
+    vv, vd, _ = centred(sums)
+    return float(-vd / vv)
 
 
-def _offset(sums: NDArray[np.float64], first: int, last: int) -> float:
-    """Return the offset (s) of a stretch; 0 where it is small or not sure."""
-    walked_s, vv, *_ = part = sums[last] - sums[first]
-    if walked_s < ENOUGH_S:
-        return 0.0
-    deviation = math.sqrt(0.5 * max(float(_rest(part)), 0.0) / walked_s * CORRELATED_S / vv)
-    offset = _estimate(sums, first, last)
-    return offset if abs(offset) - _SURE * deviation > CLOCK_S else 0.0
+def _offset(sums: NDArray[np.float64]) -> float:
+    """Return the offset (s) of a stretch of samples; 0 where it is small or not sure."""
+    found = estimate_offset(blocks_of(sums))
+    return found.offset_s if found.exceeds(CLOCK_S) else 0.0

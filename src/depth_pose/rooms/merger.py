@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,8 @@ from depth_pose.rooms.sides import agree_on_sides
 from depth_pose.rooms.sightings import RoomSighting
 from depth_pose.rooms.timelines import Timelines
 from depth_pose.rooms.tracks import RoomTracks
-from depth_pose.rooms.watch import CLOCK_S, CameraState, CameraWatch
+from depth_pose.rooms.walks import Walks
+from depth_pose.rooms.watch import CLOCK_S, MOVED_M, CameraState, CameraWatch
 from depth_pose.track.state import FilterState
 
 SEEN_NS = 200_000_000
@@ -31,9 +32,6 @@ SEEN_NS = 200_000_000
 
 _KEPT_NS = 500_000_000
 """Maximum age of the last joints that decide left and right (ns); set by hand."""
-
-_SURE = 2.0
-"""Number of standard deviations by which a clock offset must exceed `CLOCK_S`; set by hand."""
 
 
 @dataclass(eq=False)
@@ -90,6 +88,7 @@ class RoomMerger:
         self.T_room_camera = list(T_room_camera)
         self.clock_offsets_s = list(clock_offsets_s) or [0.0] * len(self.T_room_camera)
         self.tracks, self.watch = RoomTracks(), CameraWatch(names)
+        self._walks = Walks()
         self._times = Timelines(len(self.T_room_camera))
         self._jumps = [JumpMeter() for _ in self.T_room_camera]
         self._fit, self._judged_s = FitCheck(names), -math.inf
@@ -103,6 +102,7 @@ class RoomMerger:
     def reset(self) -> None:
         """Forget everybody; the cameras' states are kept."""
         self.tracks.reset()
+        self._walks.reset()
         self._fit.reset()
         self._kept = {}
 
@@ -144,6 +144,7 @@ class RoomMerger:
         if time.has_jumped:
             self.watch.jump(camera)
             self._fit.forget(camera)
+            self._walks.forget(camera)
         self.watch.hear(camera, stamp_ns, now_s)
         names = [s.body_id for s in skeletons] if ids is None else ids
         is_bad = self.watch.count_people(camera, names, now_s)
@@ -163,12 +164,15 @@ class RoomMerger:
         people = list(map(RoomSighting.of, placed))
         if self.watch.is_used(camera):
             self._fit.add(camera, stamp_ns, placed)
-            self.tracks.assign(camera, stamp_ns, people)
-            compared = self.tracks.compare(camera, stamp_ns)
+            ids = self.tracks.assign(camera, stamp_ns, people)
+            for sample in self._walks.add(camera, stamp_ns, ids, people):
+                if np.hypot(*sample.difference) <= MOVED_M:
+                    self.watch.cameras[sample.camera].clock.add(sample)
+            apart_m = self.tracks.compare(camera, stamp_ns)
         else:
-            compared = self.tracks.compare_nearest(camera, stamp_ns, people)
+            apart_m = self.tracks.compare_nearest(camera, stamp_ns, people)
         jump = self._jumps[camera].measure(stamp_ns, people)
-        self.watch.compare(camera, stamp_ns, now_s, compared, jump)
+        self.watch.compare(camera, stamp_ns, now_s, apart_m, jump)
         self.check(now_s)
         return self.watch.is_used(camera)
 
@@ -231,14 +235,18 @@ class RoomMerger:
     def _correct_clocks(self) -> None:
         """Correct the stamps of cameras whose people walk ahead or behind: the room's clock is camera 0's."""
         for camera, of in enumerate(self.watch.cameras[1:], start=1):
-            offset_s = of.clock.offset_s
-            if abs(offset_s) - _SURE * of.clock.deviation_s <= CLOCK_S:
+            found = of.clock.estimate
+            if not found.exceeds(CLOCK_S):
                 continue
-            self.clock_offsets_s[camera] += offset_s
+            self.clock_offsets_s[camera] += found.offset_s
             of.clock.reset()
+            self._walks.forget(camera)
             self._fit.forget(camera)
             offset_s = self.clock_offsets_s[camera]
-            where = f"{1e3 * abs(offset_s):.0f} ms {'ahead of' if offset_s > 0 else 'behind'}"
+            if replace(found, offset_s=offset_s).exceeds(0.0):
+                where = f"{1e3 * abs(offset_s):.0f} ms {'ahead of' if offset_s > 0 else 'behind'}"
+            else:
+                where = "again"
             self.watch.tell(
                 f"the clock of {of.name} is {where} that of {self.watch.cameras[0].name}: "
                 "its stamps are corrected; synchronise the clocks (chrony, PTP)"

@@ -9,11 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import combinations
-
-import numpy as np
-from numpy.typing import NDArray
 
 from depth_pose.rooms.room_person import FRESH_NS, RoomPerson
 from depth_pose.rooms.sightings import RoomSighting
@@ -34,27 +30,6 @@ _JUMP_M = 1.5
 _ONE_PERSON = ((0.3, 0.5), (0.5, 2.0))
 """Two people closer than this distance (m) for this time (s), never seen side by side, are merged; set by
 hand."""
-
-
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """Comparison of one person's positions by two cameras.
-
-    Attributes
-    ----------
-    difference : (3,) float64
-        This camera's position minus the other one's, moved to this camera's stamp, metres.
-    velocity : (3,) float64
-        The person's, m/s.
-    """
-
-    difference: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-
-    @property
-    def distance(self) -> float:
-        """Horizontal distance, metres."""
-        return float(np.hypot(self.difference[0], self.difference[1]))
 
 
 class RoomTracks:
@@ -128,8 +103,8 @@ class RoomTracks:
             person.views.pop(camera, None)
         self.people = [p for p in self.people if p.views]
 
-    def compare(self, camera: int, stamp_ns: int) -> list[Comparison]:
-        """Compare the people of a camera's newest frame with what the other cameras see.
+    def compare(self, camera: int, stamp_ns: int) -> list[float]:
+        """Return the distances (m) of the people of a camera's newest frame from where others see them.
 
         If only this camera sees people, those that suddenly appeared elsewhere are compared with the people
         that they were split from.
@@ -139,22 +114,21 @@ class RoomTracks:
         for pairs in (mine, before):
             shared = [(p, sighting) for p, sighting in pairs if p.fresh(stamp_ns, without=camera)]
             if shared:
-                return [self._comparison(p, sighting, camera, stamp_ns) for p, sighting in shared]
+                return [self._apart(p, sighting, camera, stamp_ns) for p, sighting in shared]
         return []
 
-    def compare_nearest(self, camera: int, stamp_ns: int, people: Sequence[RoomSighting]) -> list[Comparison]:
-        """Compare the people of an excluded camera with the nearest ones that the other cameras see."""
+    def compare_nearest(self, camera: int, stamp_ns: int, people: Sequence[RoomSighting]) -> list[float]:
+        """Return the distances (m) of an excluded camera's people from the nearest that others see."""
         seen = [p for p in self.people if p.fresh(stamp_ns, without=camera)]
-        pairs = [[self._comparison(p, sighting, camera, stamp_ns) for p in seen] for sighting in people]
-        return [min(each, key=lambda c: c.distance) for each in pairs if each]
+        pairs = [[self._apart(p, sighting, camera, stamp_ns) for p in seen] for sighting in people]
+        return [min(each) for each in pairs if each]
 
     @staticmethod
-    def _comparison(person: RoomPerson, sighting: RoomSighting, camera: int, stamp_ns: int) -> Comparison:
-        ways = [
-            v.sighting.shift_to(sighting) - person.offset(v, stamp_ns)
-            for v in person.fresh(stamp_ns, without=camera)
-        ]
-        return Comparison(min(ways, key=lambda way: float(np.hypot(way[0], way[1]))), person.velocity)
+    def _apart(person: RoomPerson, sighting: RoomSighting, camera: int, stamp_ns: int) -> float:
+        """Return the horizontal distance (m) of a sighting from the nearest view by another camera."""
+        views = person.fresh(stamp_ns, without=camera)
+        ways = [v.sighting.shift_to(sighting) - person.offset(v, stamp_ns) for v in views]
+        return min(math.hypot(way[0], way[1]) for way in ways)
 
     def _begin(
         self, camera: int, stamp_ns: int, sighting: RoomSighting, found: Mapping[int, RoomPerson]

@@ -11,7 +11,6 @@ from enum import Enum
 import numpy as np
 
 from depth_pose.rooms.clock import ClockOffset
-from depth_pose.rooms.tracks import Comparison
 
 STOPPED_S = 1.0
 """Maximum silence (s) of a camera before it counts as stopped."""
@@ -225,7 +224,7 @@ class CameraWatch:
         )
 
     def compare(
-        self, camera: int, stamp_ns: int, now_s: float, compared: Sequence[Comparison], jump: float = 0.0
+        self, camera: int, stamp_ns: int, now_s: float, apart_m: Sequence[float], jump: float = 0.0
     ) -> None:
         """Record the distances between a camera's people and the others' views of them.
 
@@ -236,25 +235,23 @@ class CameraWatch:
             Of its frame.
         now_s : float
             As for `hear`.
-        compared : sequence of Comparison
-            For the shared people; may be empty.
+        apart_m : sequence of float
+            Of the shared people, metres; may be empty.
         jump : float
             Median jump (m) of all its people in this frame.
         """
         of = self.cameras[camera]
         passed_s = max(stamp_ns - of.compared_ns, 0) * 1e-9 if of.compared_ns else 0.0
         of.jump_m = max(jump, of.jump_m * math.exp(-passed_s / _JUMP_FADES_S))
-        if not compared:
+        if not apart_m:
             if passed_s > _GAP_S:
                 of.apart_ns, of.agrees_s, of.residual_m = None, None, math.nan
             return
         of.compared_ns = stamp_ns
-        of.residual_m = float(np.median([c.distance for c in compared]))
+        of.residual_m = float(np.median(apart_m))
         agrees = of.residual_m <= MOVED_M
         if agrees:
             of.apart_ns = None
-            for each in compared:
-                of.clock.add(each.difference, each.velocity, passed_s)
         elif of.apart_ns is None or passed_s > _GAP_S:
             of.apart_ns = stamp_ns
         if not agrees:
