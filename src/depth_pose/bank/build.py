@@ -27,7 +27,7 @@ POSES_PER_PART = 50
 """Number of poses a worker renders at a time."""
 
 _SAMPLE = 24_000
-"""Descriptors from which the subspace is learned, evenly spread: all 128,000 would take 1.2 GB; not swept."""
+"""Descriptors from which the subspace is learned, evenly spread: all 160,000 would take 1.5 GB; not swept."""
 
 
 @dataclass(frozen=True)
