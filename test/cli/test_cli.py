@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 import time
@@ -106,6 +107,8 @@ def test_paragraphs_of_help_fill_80_columns(
     for line, following in pairwise(prose):
         if line and following:
             assert len(line) + 1 + len(following.split()[0]) > 78, (line, following)
+        assert not line.startswith("depth-pose") or not following, f"an example on two lines: {line}"
+    assert not [line for line in lines if re.match(r"│ +\S{1,2} ", line) and "]" in line[:60].split()], name
 
 
 def test_start_up_loads_only_what_help_needs() -> None:

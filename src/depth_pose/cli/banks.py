@@ -79,7 +79,7 @@ def build(
 
     depth-pose bank build --mocap captures/ --with-embedded -o my_bank.npz
 
-    depth-pose bank build --mocap captures/ --scheduler tcp://cluster:8786 -o my_bank.npz
+    depth-pose bank build --mocap captures/ --scheduler tcp://head:8786 -o my.npz
 
     depth-pose run in.mcap -o out.mcap --bank my_bank.npz
     """

@@ -70,13 +70,18 @@ def setting(config: type, name: str, *flags: str) -> Any:
     text += f" ({found.unit})" if found.unit else ""
     kinds: dict[str, Any] = {}
     if not isinstance(found.default, (str, bool)):
-        kinds = {"min": found.low, "max": found.high}
+        kinds = {"min": _shortest(found.low), "max": _shortest(found.high)}
     return typer.Option(
         *(flags or (f"--{name.replace('_', '-')}",)),
         help=escape(text),
         show_default=f"{found.default}{unit}" or "empty",
         **kinds,
     )
+
+
+def _shortest(bound: float | None) -> float | None:
+    """Return a bound as an int where it is whole: help prints 360, not 360.0, which would not fit a line."""
+    return int(bound) if bound is not None and bound == int(bound) else bound
 
 
 def unwrap_help(app: typer.Typer) -> None:

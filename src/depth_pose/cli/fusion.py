@@ -53,7 +53,7 @@ def fuse(
 
     depth-pose fuse --rig rig.yaml
 
-    depth-pose fuse --topic /left/skeletons --topic /right/skeletons --room-frame map --tf
+    depth-pose fuse --topic /left/skeletons --topic /right/skeletons --tf
     """
     if rig is None and not topic and params is None:
         raise ConfigError("give --rig (a rig file), or --topic for each camera with poses on /tf_static")

@@ -187,14 +187,14 @@ def _tell_states(states: dict[str, str]) -> None:
 
 def play(
     bag: shared.AnyRecording,
-    rate: Annotated[float, typer.Option(min=0.01, max=100.0, help="Speed factor.")] = 1.0,
+    rate: Annotated[float, typer.Option(min=0.01, max=100, help="Speed factor.")] = 1.0,
     loop: Annotated[bool, typer.Option("--loop", help="Start again at the end.")] = False,
     clock: Annotated[bool, typer.Option(help="Publish /clock.")] = True,
     topic: Annotated[list[str] | None, typer.Option(help="Play this topic; may be repeated.")] = None,
     remap: Annotated[
         list[str] | None, typer.Option(help="Rename a topic; may be repeated.", metavar="OLD:=NEW")
     ] = None,
-    delay: Annotated[float, typer.Option(min=0.0, help="Seconds to wait before the first message.")] = 0.0,
+    delay: Annotated[float, typer.Option(min=0, help="Seconds to wait before the first message.")] = 0.0,
     wait_for: Annotated[
         int, typer.Option(min=0, help="Wait for this number of subscribers.", metavar="N")
     ] = 0,
@@ -214,7 +214,7 @@ def play(
 
     depth-pose play in.mcap --rate 0.5 --loop
 
-    depth-pose play rosbag2_folder/ --remap /kinect/depth:=/camera/depth/image_raw --wait-for 1
+    depth-pose play bag/ --remap /kinect/depth:=/camera/depth/image_raw
     """
     be_lenient(lenient)
     options: dict[str, Any] = {"rate": rate, "loop": loop, "clock": clock, "topics": topic or None}

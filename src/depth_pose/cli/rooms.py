@@ -54,8 +54,8 @@ def calibrate(
     seconds: Annotated[
         float | None,
         typer.Option(
-            min=5.0,
-            max=3600.0,
+            min=5,
+            max=3600,
             help="Use only the first seconds; with --live: record for this long.",
             show_default=f"all; {_LIVE_S:.0f} with --live",
         ),
@@ -80,9 +80,9 @@ def calibrate(
 
     depth-pose calibrate left.mcap right.mcap -o rig.yaml
 
-    depth-pose calibrate door.mcap window.mcap corner.mcap -o rig.yaml --picture room.pdf
+    depth-pose calibrate door.mcap window.mcap -o rig.yaml --picture room.pdf
 
-    depth-pose calibrate --live /left/depth/image_raw /right/depth/image_raw -o rig.yaml
+    depth-pose calibrate --live /left/image_raw /right/image_raw -o rig.yaml
     """
     from depth_pose.evaluate.pictures import check_picture
 

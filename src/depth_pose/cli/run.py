@@ -157,9 +157,9 @@ def run(
 
     depth-pose run in.mcap -o out.mcap
 
-    depth-pose run in.mcap -o out.mcap --depth-topic /camera/aligned_depth_to_color/image_raw
+    depth-pose run in.mcap -o out.mcap --depth-topic /camera/depth/image_raw
 
-    depth-pose run images/ -o out.mcap --intrinsics 525,525,319.5,239.5 --depth-scale 0.0002 --fps 30
+    depth-pose run images/ -o out.mcap --intrinsics 525,525,319.5,239.5 --fps 30
 
     depth-pose run in.mcap -o out.mcap --near 1 --far 4.5 --method cpd --raw
 
@@ -177,7 +177,7 @@ def run(
 
     depth-pose run in.mcap -o out.mcap --markers
 
-    depth-pose run in.mcap -o out.mcap --real-time --osc studio:9000 --websocket 8765
+    depth-pose run in.mcap -o out.mcap --real-time --osc pc:9000 --websocket 8765
 
     depth-pose run --rig rig.yaml left.mcap right.mcap -o room.mcap
 
@@ -185,7 +185,7 @@ def run(
 
     depth-pose run https://lab.example/ward/ -o skeletons/
 
-    depth-pose run 'ward/**/depth_*.mcap' more.mcap -o skeletons/ --cluster tcp://head:8786
+    depth-pose run 'ward/**/*.mcap' -o skeletons/ --cluster tcp://head:8786
     """
     be_lenient(lenient)
     values = read_settings(params) if params else {}

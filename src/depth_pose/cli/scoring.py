@@ -213,7 +213,7 @@ def overlay(
     skeletons: Annotated[Path, typer.Argument(help="Recording of its skeletons.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="The picture: PNG, or animated GIF.")],
     frames: Annotated[int, typer.Option(min=1, max=60, help="Number of frames in a PNG.")] = 6,
-    seconds: Annotated[float, typer.Option(min=0.1, max=60.0, help="Length of a GIF, seconds.")] = 6.0,
+    seconds: Annotated[float, typer.Option(min=0.1, max=60, help="Length of a GIF, seconds.")] = 6.0,
     truth: Annotated[Path | None, typer.Option(help="Truth file (.npz) to draw as well.")] = None,
     depth_topic: shared.DepthTopic = None,
     topic: shared.SkeletonsTopic = PEOPLE_TOPIC,
@@ -230,7 +230,7 @@ def overlay(
 
     depth-pose overlay in.mcap out.mcap -o picture.png
 
-    depth-pose overlay sim.mcap out.mcap -o picture.png --truth sim.npz --frames 12
+    depth-pose overlay sim.mcap out.mcap -o look.png --truth sim.npz --frames 12
 
     depth-pose overlay in.mcap out.mcap -o moving.gif --seconds 4
 

@@ -72,14 +72,14 @@ def simulate(
     clock_offset: Annotated[
         float | None,
         typer.Option(
-            min=0.0,
-            max=10.0,
+            min=0,
+            max=10,
             help="Maximum offset of the other cameras' clocks from camera 0's, seconds; with --cameras.",
             show_default="0.02",
         ),
     ] = None,
     width: Annotated[int | None, typer.Option(min=64, max=4096, help="Image width in pixels.")] = None,
-    seconds: Annotated[float, typer.Option(min=0.04, max=3600.0, help="Length, seconds.")] = 10.0,
+    seconds: Annotated[float, typer.Option(min=0.04, max=3600, help="Length, seconds.")] = 10.0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of motion, noise and room.")] = 0,
     stature: Annotated[float | None, setting(Person, "stature")] = None,
     girth: Annotated[float | None, setting(Person, "girth")] = None,
@@ -111,15 +111,15 @@ def simulate(
 
     depth-pose simulate -o bags/sim.mcap
 
-    depth-pose simulate -o kick.mcap --motion kick --sensor structured --azimuth 40 --pitch 12 --height 1.6
+    depth-pose simulate -o kick.mcap --motion kick --azimuth 40 --height 1.6
 
     depth-pose simulate -o kinect.mcap --sensor structured --width 320
 
-    depth-pose simulate -o child.mcap --motion wave --stature 1.2 --head-size 1.25 --seed 3
+    depth-pose simulate -o child.mcap --motion wave --stature 1.2 --head-size 1.25
 
     depth-pose simulate -o room.mcap --room --people 3 --seed 7
 
-    depth-pose simulate -o home.mcap --room --home --sensor oak_d --camera-moves --seed 4
+    depth-pose simulate -o home.mcap --room --home --sensor oak_d --camera-moves
 
     depth-pose simulate -o pair.mcap --room --people 2 --cameras 2 --seconds 60
     """

@@ -155,7 +155,7 @@ def train(
 
     depth-pose volume train -o swing.npz
 
-    depth-pose volume train --motion dance1.bvh --motion dance2.bvh --garment robe --every 3 -o robe.npz
+    depth-pose volume train --motion a.bvh --motion b.bvh --garment robe -o r.npz
 
     depth-pose volume train --input depth -o one_camera.npz
     """
@@ -214,7 +214,7 @@ def run(
 
     [bold]Example:[/bold]
 
-    depth-pose volume run dance.mcap --rig rig.yaml --model swing.npz -o skeletons.mcap
+    depth-pose volume run dance.mcap --rig rig.yaml --model swing.npz -o out.mcap
     """
     from depth_pose.io.mcap_write import PartlyWritten
     from depth_pose.offline import process_recording
@@ -307,7 +307,7 @@ def demo(
     ] = None,
     garment: Annotated[str, typer.Option(help="Garment of the dancer.")] = "skirt",
     seconds: Annotated[
-        float, typer.Option(min=1.0, max=120.0, help="Length of the performance, seconds.")
+        float, typer.Option(min=1, max=120, help="Length of the performance, seconds.")
     ] = 10.0,
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of the performance; 1 to 10 are used in training.")
@@ -327,7 +327,7 @@ def demo(
 
     depth-pose volume demo
 
-    depth-pose volume demo --model depth.npz --input depth --cameras 2 --garment robe --record dance.mcap
+    depth-pose volume demo --model depth.npz --input depth --cameras 2
     """
     from depth_pose.evaluate.pictures import check_picture
     from depth_pose.volume.learn.plots import save_report
