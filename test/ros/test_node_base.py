@@ -1,5 +1,6 @@
 """The base of the nodes, over real DDS, with a stage of the tests' own (`trial_node`)."""
 
+import itertools
 import signal
 import time
 from pathlib import Path
@@ -7,7 +8,8 @@ from pathlib import Path
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from peer import HEARING, LIMIT_S, RELIABLE, SENSOR, within
-from rcl_interfaces.srv import DescribeParameters
+from rcl_interfaces.srv import DescribeParameters, SetParameters
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Header
 
@@ -148,6 +150,22 @@ def test_parameters_have_ranges_and_can_be_set(trial, peer):
     assert not beyond.successful and "nothing lies between" in beyond.reason
     peer.ask(lambda: images.publish(image(3)), lambda: answers, what="the answer")
     assert answers[0].frame_id == "100 0"
+
+
+def test_frames_that_come_while_settings_are_taken_are_missed_and_not_lost_in_transport(trial, peer):
+    process, answers, images = trial()
+    wanted = Parameter("segment.working_height", value=900).to_parameter_msg()
+    client = peer.node.create_client(SetParameters, "/depth_pose/trial/set_parameters")
+    peer.until(client.service_is_ready, what="the service")
+    future, stamps = client.call_async(SetParameters.Request(parameters=[wanted])), itertools.count(10)
+    while not future.done():
+        images.publish(image(next(stamps)))
+        peer.spin(0.02)
+    peer.ask(
+        lambda: images.publish(image(next(stamps))), lambda: len(answers) > 3, what="answers", every_s=0.1
+    )
+    process.wait_for("this node was busy")
+    assert "lost in transport" not in process.output
 
 
 def test_bytes_that_are_no_message_do_not_end_it(trial, peer):

@@ -1,7 +1,8 @@
 """A node on the real base whose stage is simple: for tests of queues and parameters.
 
 An image on ``a`` gives a Header on ``answer``: the stamp, and the reduced
-height that `segment.working_height` asks for. A width of 13 raises, as a bug would.
+height that `segment.working_height` asks for. A width of 13 raises, as a bug would. Heights from 900 take
+half a second to be set.
 """
 
 import sys
@@ -19,6 +20,7 @@ from depth_pose.ros.setting import Setting
 class Halver:
     def __init__(self, config):
         self.height = config.working_height
+        time.sleep(0.5 * (self.height >= 900))
         self.resets = 0
 
     def warm_up(self):

@@ -323,12 +323,15 @@ class StageNode(TopicNode, ABC):
     def _take_parameters(self, parameters: list[Parameter]) -> None:
         if self.stage is None or not holds_setting((p.name for p in parameters), self.SECTIONS, self.CONFIG):
             return
+        began_ns = time.time_ns()
         try:
             config = read_config(self, self.SECTIONS, config=self.CONFIG)
             stage = self.make_stage(config)
         except Exception:
             self.get_logger().error(printable_lines("the stage stays as it was:\n" + traceback.format_exc()))
             return
+        finally:
+            self.busy.add(began_ns, time.time_ns())
         self.config, self.stage = config, stage
         changed = ", ".join(f"{p.name} = {p.value}" for p in parameters)
         self.get_logger().info(f"set {printable(changed)}; what was kept of earlier frames is dropped")

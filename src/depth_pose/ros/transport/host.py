@@ -48,7 +48,7 @@ class FrameConsumer(Protocol):
     is_active : bool
         Whether frames are answered.
     busy : BusyTimes
-        Intervals in which it was busy with a frame.
+        Intervals in which it was busy with a frame, or with new settings.
     create_subscription, destroy_subscription, create_timer, destroy_timer, resolve_topic_name
     count_publishers, get_publishers_info_by_topic, get_logger
         Methods of rclpy's Node.

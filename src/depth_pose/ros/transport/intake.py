@@ -255,7 +255,9 @@ class Intake:
         if busy:
             self._node.drop("missed", f"{topic} brought newer ones while this node was busy", busy)
         if lost:
-            what = f"{topic} sent it, and it never came though this node waited: {packet_loss_advice()}"
+            what = f"{topic} sent it, and it never came though this node waited"
+            if self._input.sensor:
+                what += f": {packet_loss_advice()}"
             self._node.drop("lost in transport", what, lost)
 
     def _is_new(self, stamp_ns: int) -> bool:

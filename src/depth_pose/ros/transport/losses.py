@@ -27,7 +27,7 @@ def packet_loss_advice() -> str:
 
 
 class BusyTimes:
-    """Times when a node was busy with a frame, nanoseconds of the system's clock; plain Python, no ROS."""
+    """Times when a node was busy with a frame or its settings, nanoseconds of the system's clock; no ROS."""
 
     def __init__(self) -> None:
         self._times: deque[tuple[int, int]] = deque(maxlen=BUSY_TIMES_KEPT)
