@@ -17,11 +17,12 @@ import scene
 from depth_pose_msgs.msg import SkeletonArray
 from peer import LIMIT_S, RELIABLE, SENSOR
 from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import Header
 from test_denoise_node import image_msg, info_msg
 
 from depth_pose.core.errors import ConfigError
-from depth_pose.ros import LOCAL_PROFILE_PATH, PROFILE_PATH, PROFILE_VARIABLE, stay_local
-from depth_pose.ros.messages.basics import ns_to_stamp
+from depth_pose.ros import LOCAL_PROFILE_PATH, PROFILE_PATH, PROFILE_VARIABLE, UDP_PROFILE_PATH, stay_local
+from depth_pose.ros.messages.basics import make_header, ns_to_stamp
 from depth_pose.ros.process.supervisor import NODES, Suite
 
 
@@ -58,6 +59,38 @@ def segments(pid):
     """List the shared memory of a process, and its locks, which it holds open."""
     locks = {f for f in open_files(pid) if f.startswith("/dev/shm/fastrtps_") and Path(f).exists()}
     return [Path(f) for f in locks | {f.removesuffix("_el") for f in locks}]
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root makes files of another account")
+def test_programs_of_another_account_are_named_where_nothing_comes(start, peer):
+    """Shared memory does not connect two accounts: topics are listed, and nothing comes."""
+    file = Path("/dev/shm/fastrtps_00000000000f00d1")
+    process = start(Path(__file__).with_name("trial_node.py"))
+    process.wait_for("is ready")
+    publisher = peer.node.create_publisher(Image, "/depth_pose/a", 1)
+    try:
+        file.touch()
+        os.chown(file, 54321, -1)
+        process.wait_for("54321")
+    finally:
+        file.unlink()
+        peer.node.destroy_publisher(publisher)
+    assert "has 1 publisher(s) but nothing came" in process.output
+    assert f"start one with {PROFILE_VARIABLE}={UDP_PROFILE_PATH}" in process.output
+
+
+def test_a_profile_of_udp_alone_reaches_those_with_shared_memory(start, peer, monkeypatch):
+    monkeypatch.setenv(PROFILE_VARIABLE, str(UDP_PROFILE_PATH))
+    process = start(Path(__file__).with_name("trial_node.py"))
+    process.wait_for("is ready")
+    assert not [s for s in segments(process.process.pid) if s.exists()]
+    answers = peer.listen(Header, "/depth_pose/answer")
+    images = peer.publisher(Image, "/depth_pose/a")
+    peer.ask(
+        lambda: images.publish(Image(header=make_header(5, "optical"), height=1, width=2)),
+        lambda: answers,
+        what=lambda: process.output,
+    )
 
 
 def read_as_nobody(paths):

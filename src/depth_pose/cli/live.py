@@ -261,7 +261,8 @@ def record(
     options = {"seconds": seconds, "on_start": lambda: console.print(begun)}
     counts = call_ros("tools.bag", "record", output, topics or None, **options)
     if not counts:
-        raise DepthPoseError(f"no message arrived that could be recorded; {output} is not written")
+        what = f"no message arrived that could be recorded; {output} is not written"
+        raise DepthPoseError(call_ros("process.shared_memory", "with_account_advice", what))
     print_facts(str(output), [(name, f"{count} messages") for name, count in sorted(counts.items())])
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from depth_pose.cli.console import console, print_facts, say
+from depth_pose.cli.console import console, print_facts, say, warn
 from depth_pose.cli.live import call_ros
 from depth_pose.core.errors import InputError
 
@@ -83,9 +83,11 @@ def hz(
     depth-pose hz /camera/depth/image_raw --count 5
     """
     watched = call_ros("tools.inspect_topics", "watch_rate", topic, every)
-    for rate in _first(watched, count):
+    for k, rate in enumerate(_first(watched, count)):
         if rate is None:
             say(f"{topic}: no messages")
+            if k == 0:
+                warn(filter(None, [call_ros("process.shared_memory", "other_account_advice")]))
             continue
         console.print(
             f"average rate: {rate.hz:.2f}  min: {rate.low_s:.3f} s  max: {rate.high_s:.3f} s  "

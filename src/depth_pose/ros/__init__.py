@@ -22,6 +22,9 @@ PROFILE_PATH = Path(__file__).with_name("fastdds.xml")
 LOCAL_PROFILE_PATH = Path(__file__).with_name("fastdds_local.xml")
 """The same on the loopback interface alone, without multicast: nothing outside this machine can reach it."""
 
+UDP_PROFILE_PATH = Path(__file__).with_name("fastdds_udp.xml")
+"""UDP alone: connects programs of two accounts of one machine."""
+
 PRIVATE_UMASK = 0o077
 """File mode mask of processes with depth images: other accounts may not read their files."""
 

@@ -10,6 +10,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from depth_pose.core.printable import printable
+from depth_pose.ros.process.shared_memory import other_account_advice
 from depth_pose.ros.transport.depth_sources import depth_sources
 from depth_pose.ros.transport.intake import Input, type_name
 from depth_pose.ros.transport.losses import packet_loss_advice
@@ -130,8 +131,8 @@ class MissingInputWatch:
         if self._reliable and all(q.reliability == ReliabilityPolicy.BEST_EFFORT for q in qos):
             return start + "it is sent best effort, this node asks for reliable: leave the parameter reliable"
         durable = any(q.durability == DurabilityPolicy.TRANSIENT_LOCAL for q in qos)
-        return start + (
-            "it is published once and kept; a depth topic must stream"
-            if durable
-            else f"the sensor may be paused, or its frames are lost in transport: {packet_loss_advice()}"
-        )
+        if durable:
+            return start + "it is published once and kept; a depth topic must stream"
+        advice = other_account_advice() if watched.last_s is None else ""
+        lost = f"the sensor may be paused, or its frames are lost in transport: {packet_loss_advice()}"
+        return start + (advice or lost)

@@ -17,6 +17,7 @@ from rclpy.task import Future
 from depth_pose.core.errors import DepthPoseError
 from depth_pose.ros.process import NODES
 from depth_pose.ros.process.security import init_context
+from depth_pose.ros.process.shared_memory import with_account_advice
 
 _FIND_S, _LONGEST_LOOK_S = 5.0, 0.2
 """Seconds to find a node's services, and the maximum that one check counts: while the machine stood still
@@ -114,7 +115,8 @@ class _Caller:
             last, looked = looked, time.monotonic()
             waited_s += min(looked - last, _LONGEST_LOOK_S)
             if waited_s > min(_FIND_S, self._timeout_s):
-                raise DepthPoseError(f"there is no service {name}; is the node running in this domain?")
+                what = f"there is no service {name}; is the node running in this domain?"
+                raise DepthPoseError(with_account_advice(what))
             self._executor.spin_once(timeout_sec=0.05)
         future: Future = client.call_async(request)
         self._executor.spin_until_future_complete(future, min(ANSWER_S, self._timeout_s))

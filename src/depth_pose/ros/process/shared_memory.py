@@ -1,5 +1,8 @@
 """Shared memory of Fast DDS: unreadable for other accounts, and removed after killed processes.
 
+Fast DDS does not connect programs of two accounts by it, and then uses no other way: topics are listed, and
+nothing comes.
+
 Fast DDS keeps 16 MiB of /dev/shm for each process (`depth_pose.ros.PROFILE_PATH`), and a lock file
 that the process holds as long as it lives.
 """
@@ -8,8 +11,11 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import os
 import time
 from pathlib import Path
+
+from depth_pose.ros import PROFILE_VARIABLE, UDP_PROFILE_PATH
 
 _FOLDER, _LOCK, _YOUNG_S = Path("/dev/shm"), "_el", 0.5
 """Its folder, the suffix of a lock's name, and seconds for which a new lock file may not be locked yet."""
@@ -41,3 +47,23 @@ def remove_leftovers() -> None:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)  # fails where the owner lives
                 lock.with_name(lock.name.removesuffix(_LOCK)).unlink(missing_ok=True)
                 lock.unlink(missing_ok=True)
+
+
+def with_account_advice(text: str) -> str:
+    """Return an error's text with `other_account_advice` behind it."""
+    return ". ".join(filter(None, (text, other_account_advice())))
+
+
+def other_account_advice() -> str:
+    """Return what to do where programs of other accounts use the shared memory; empty otherwise."""
+    owners = set()
+    for file in _FOLDER.glob("fastrtps_*"):
+        with contextlib.suppress(OSError):  # gone
+            owners.add(file.stat().st_uid)
+    others = ", ".join(str(owner) for owner in sorted(owners - {os.geteuid()}))
+    if not others:
+        return ""
+    return (
+        f"programs of another account (user id {others}) run here, and shared memory does not connect two "
+        f"accounts: run both as one, or start one with {PROFILE_VARIABLE}={UDP_PROFILE_PATH}"
+    )

@@ -11,6 +11,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 
 from depth_pose.core.errors import ConfigError, DepthPoseError
+from depth_pose.ros.process.shared_memory import with_account_advice
 from depth_pose.ros.tools.listener import listener, wait_until
 
 _ANSWER_S = 10.0
@@ -104,7 +105,8 @@ def _suite(own: Any, turns: Callable[..., Any]) -> list[str]:
     next(turns(0.5), None)  # the others follow
     found = [name for name in _names(own) if _HOME in name and own.count_services(f"{name}/get_parameters")]
     if not found:
-        raise DepthPoseError("no node of depth_pose runs in this domain; start them with: depth-pose up")
+        what = "no node of depth_pose runs in this domain; start them with: depth-pose up"
+        raise DepthPoseError(with_account_advice(what))
     return found
 
 
