@@ -51,7 +51,7 @@ def remove_leftovers() -> None:
 
 def with_account_advice(text: str) -> str:
     """Return an error's text with `other_account_advice` behind it."""
-    return ". ".join(filter(None, (text, other_account_advice())))
+    return "; ".join(filter(None, (text, other_account_advice())))
 
 
 def other_account_advice() -> str:
