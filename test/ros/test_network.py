@@ -1,6 +1,7 @@
 """What listens where, who may read what, and two suites side by side: real sockets, real accounts."""
 
 import contextlib
+import fcntl
 import os
 import shutil
 import socket
@@ -23,6 +24,7 @@ from test_denoise_node import image_msg, info_msg
 from depth_pose.core.errors import ConfigError
 from depth_pose.ros import LOCAL_PROFILE_PATH, PROFILE_PATH, PROFILE_VARIABLE, UDP_PROFILE_PATH, stay_local
 from depth_pose.ros.messages.basics import make_header, ns_to_stamp
+from depth_pose.ros.process.shared_memory import other_account_advice
 from depth_pose.ros.process.supervisor import NODES, Suite
 
 
@@ -64,14 +66,17 @@ def segments(pid):
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root makes files of another account")
 def test_programs_of_another_account_are_named_where_nothing_comes(start, peer):
     """Shared memory does not connect two accounts: topics are listed, and nothing comes."""
-    file = Path("/dev/shm/fastrtps_00000000000f00d1")
+    file = Path("/dev/shm/fastrtps_00000000000f00d1_el")
     process = start(Path(__file__).with_name("trial_node.py"))
     process.wait_for("is ready")
     publisher = peer.node.create_publisher(Image, "/depth_pose/a", 1)
     try:
         file.touch()
         os.chown(file, 54321, -1)
-        process.wait_for("54321")
+        assert "54321" not in other_account_advice(), "it is left from a process that has ended"
+        with file.open() as handle:
+            fcntl.flock(handle, fcntl.LOCK_EX)
+            process.wait_for("54321")
     finally:
         file.unlink()
         peer.node.destroy_publisher(publisher)

@@ -20,6 +20,9 @@ from depth_pose.ros import PROFILE_VARIABLE, UDP_PROFILE_PATH
 _FOLDER, _LOCK, _YOUNG_S = Path("/dev/shm"), "_el", 0.5
 """Its folder, the suffix of a lock's name, and seconds for which a new lock file may not be locked yet."""
 
+_LOCKS = Path("/proc/locks")
+"""All locks of the system, by the inodes of their files."""
+
 
 def keep_private() -> None:
     """Make this process's shared memory unreadable for other accounts; call it after joining the graph.
@@ -56,10 +59,14 @@ def with_account_advice(text: str) -> str:
 
 def other_account_advice() -> str:
     """Return what to do where programs of other accounts use the shared memory; empty otherwise."""
-    owners = set()
-    for file in _FOLDER.glob("fastrtps_*"):
+    held, owners = set(), set()
+    with contextlib.suppress(OSError):  # the files of another account's locks cannot be opened
+        held = {line.rpartition(" 0 EOF")[0].rpartition(":")[2] for line in _LOCKS.read_text().splitlines()}
+    for lock in _FOLDER.glob(f"fastrtps_*{_LOCK}"):
         with contextlib.suppress(OSError):  # gone
-            owners.add(file.stat().st_uid)
+            found = lock.stat()
+            if str(found.st_ino) in held:  # its owner lives
+                owners.add(found.st_uid)
     others = ", ".join(str(owner) for owner in sorted(owners - {os.geteuid()}))
     if not others:
         return ""
