@@ -9,6 +9,7 @@ import pytest
 from test_room_merger import Room, S, circle, errors
 from walkers import Eye
 
+from depth_pose.rooms.timelines import Timelines
 from depth_pose.rooms.watch import CameraState
 from skeletons import make_skeleton
 
@@ -126,3 +127,15 @@ def test_all_cameras_that_begin_again_begin_a_new_room():
     answers = room.run(2.0)
     assert all(len(skeletons) == 2 for _, skeletons in answers)
     assert np.isfinite([s.positions for _, people in answers for s in people]).all()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_starved_machine_is_no_other_time(seed):
+    """Messages of two cameras with one clock that come 0.7 to 2.5 s after their stamps."""
+    rng, times, sent = np.random.default_rng(seed), Timelines(2), []
+    for camera in range(2):
+        stamps_s = 100.0 + np.cumsum(rng.uniform(0.3, 0.9, 80))
+        arrivals_s = np.maximum.accumulate(stamps_s + rng.uniform(0.7, 2.5, 80)) + 1e-3 * np.arange(80)
+        sent += zip(arrivals_s, [camera] * 80, stamps_s, strict=True)
+    judged = [times.judge(camera, round(stamp_s * S), now_s) for now_s, camera, stamp_s in sorted(sent)]
+    assert [j.apart_s for j in judged[10:] if j.apart_s] == []

@@ -2,12 +2,14 @@
 
 A camera's jump must be confirmed by a second frame (`depth_pose.core.stamps`). Where two cameras then differ
 by more than `APART_S`, the one is right whose stamps are near the time of arrival; where neither or both are,
-the one whose time began earlier. A camera that another one agrees with is never wrong: one camera whose clock
-jumps is left out, and where all begin again, as in a replay, the room does, too.
+the one whose time began earlier. The least delay of a few messages counts, since a busy machine is no clock.
+A camera that another one agrees with is never wrong: one camera whose clock jumps is left out, and where all
+begin again, as in a replay, the room does, too.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, field
 
 from depth_pose.core.stamps import StampFilter, follows
@@ -18,6 +20,9 @@ APART_S = 1.0
 _HEARD_S = 2.0
 """A camera that was not heard for this long (s) says nothing about time; set by hand."""
 
+_DELAYS = 8
+"""Number of messages of which the least delay counts; set by hand."""
+
 
 @dataclass(eq=False)
 class _Timeline:
@@ -25,12 +30,17 @@ class _Timeline:
     stamp_ns: int | None = None
     heard_s: float = 0.0
     since_s: float = 0.0
+    delays_s: deque[float] = field(default_factory=lambda: deque(maxlen=_DELAYS))
+
+    @property
+    def delay_s(self) -> float:
+        """Least time from a stamp to the arrival (s)."""
+        return min(self.delays_s)
 
     @property
     def rank(self) -> tuple[bool, float]:
         """The smaller, the more its time is to be believed."""
-        assert self.stamp_ns is not None, "the camera was heard"
-        return abs(self.heard_s - self.stamp_ns * 1e-9) > APART_S, self.since_s
+        return abs(self.delay_s) > APART_S, self.since_s
 
 
 @dataclass(frozen=True)
@@ -86,6 +96,9 @@ class Timelines:
         line.stamp_ns, line.heard_s = stamp_ns, now_s
         if before is None or is_new:
             line.since_s = now_s
+        if before is not None and stamp_ns < before:
+            line.delays_s.clear()
+        line.delays_s.append(now_s - stamp_ns * 1e-9)
         apart = self._apart(camera, now_s)
         if apart and min(map(abs, apart.values())) > APART_S:
             right = {c: s for c, s in apart.items() if self._lines[c].rank < line.rank}
@@ -97,9 +110,8 @@ class Timelines:
     def _apart(self, camera: int, now_s: float) -> dict[int, float]:
         """Return how far a camera's stamps are ahead of each other camera's that is heard (s)."""
         own = self._lines[camera]
-        assert own.stamp_ns is not None, "the camera was just heard"
         return {
-            c: (own.stamp_ns - other.stamp_ns) * 1e-9 - (now_s - other.heard_s)
+            c: other.delay_s - own.delay_s
             for c, other in enumerate(self._lines)
             if c != camera and other.stamp_ns is not None and 0.0 <= now_s - other.heard_s <= _HEARD_S
         }
