@@ -22,7 +22,7 @@ from depth_pose.io.recording import Recording
 from little_memory import little_memory
 
 JAZZY, NOETIC = get_typestore(Stores.ROS2_JAZZY), get_typestore(Stores.ROS1_NOETIC)
-MOST_S, MOST_MB = 2.0, 300
+MOST_S, MOST_MB = 5.0, 300
 
 ENDLESS = "WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c)"
 

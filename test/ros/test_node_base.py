@@ -93,7 +93,7 @@ def test_newest_frame_wins_and_every_drop_is_counted(trial, peer):
     _, answers, images = trial(bank="'0.2'")
     statuses = peer.listen(DiagnosticArray, "/diagnostics", RELIABLE)
     peer.until(lambda: len(statuses) > 1, what="diagnostics")
-    names = ("answered", "dropped: overtaken", "dropped: missed")
+    names = ("answered", "dropped: overtaken", "dropped: missed", "dropped: lost in transport")
     before = {name: int(figure(peer, statuses, name) or 0) for name in names}
 
     def counted(name):

@@ -49,5 +49,5 @@ def test_losses_of_a_best_effort_driver_are_a_warning_with_the_cure(drive, peer)
     told, output = drive("best_effort")
     assert int(counts(told)["dropped: lost in transport"]) > 0
     warned = [s for s in told if s.level == DiagnosticStatus.WARN and "lost in transport" in s.message]
-    assert len(warned) >= 2
+    assert warned
     assert f"start the sensor's driver with {PROFILE_VARIABLE}={LOCAL_PROFILE_PATH}" in output
