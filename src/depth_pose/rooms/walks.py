@@ -53,7 +53,8 @@ class WalkSample:
     weight_s: float
 
 
-Path = deque[tuple[int, RoomSighting]]
+_History = deque[tuple[int, RoomSighting]]
+"""Sightings of one person by one camera, with their stamps in the room's clock (ns), in order."""
 
 
 class Walks:
@@ -64,8 +65,8 @@ class Walks:
 
     def reset(self) -> None:
         """Forget everything."""
-        self._paths: dict[tuple[str, int], Path] = {}
-        self._waiting: dict[tuple[str, int], Path] = {}
+        self._paths: dict[tuple[str, int], _History] = {}
+        self._waiting: dict[tuple[str, int], _History] = {}
         self._last_ns: dict[tuple[str, int], int] = {}
 
     def forget(self, camera: int) -> None:
@@ -110,7 +111,7 @@ class Walks:
                     del kept[key]
         self._last_ns = {k: ns for k, ns in self._last_ns.items() if abs(stamp_ns - ns) <= _KEPT_NS}
 
-    def _compare(self, room_id: str, camera: int, waiting: Path) -> list[WalkSample]:
+    def _compare(self, room_id: str, camera: int, waiting: _History) -> list[WalkSample]:
         """Compare the waiting sightings of a person that another camera has seen before and after."""
         others = [path for key, path in self._paths.items() if key[0] == room_id and key[1] != camera]
         samples = []
@@ -130,7 +131,7 @@ class Walks:
 
 
 def _difference(
-    path: Path, stamp_ns: int, sighting: RoomSighting
+    path: _History, stamp_ns: int, sighting: RoomSighting
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """Return difference and velocity (2,); None if the path does not reach to both sides of the stamp."""
     places = [_at(path, stamp_ns + span_ns) for span_ns in (-_HALF_NS, 0, _HALF_NS)]
@@ -141,7 +142,7 @@ def _difference(
     return now.shift_to(sighting)[:2], velocity
 
 
-def _at(path: Path, stamp_ns: int) -> RoomSighting | None:
+def _at(path: _History, stamp_ns: int) -> RoomSighting | None:
     """Return a person's place at a stamp, interpolated; None outside the path."""
     for (a_ns, a), (b_ns, b) in pairwise(path):
         if a_ns <= stamp_ns <= b_ns:
