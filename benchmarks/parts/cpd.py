@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.metadata import version
 
 import numpy as np
@@ -104,7 +104,7 @@ def _ways(body, chosen, source, target) -> Iterator[tuple[str, Callable[[], np.n
     yield "ours, basis of 60 points made anew", lambda: register(source, target, same).moved
     used = CpdTuning()
     surface = geodesic_basis(body.vertices, body.faces, used.basis_points, used.beta)[chosen]
-    soft = replace(used, stiffness=same.stiffness)
+    soft = used._replace(stiffness=same.stiffness)
     yield (
         "ours, pipeline's width and floor, along the surface",
         lambda: register(source, target, soft, surface).moved,
