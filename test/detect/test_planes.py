@@ -119,6 +119,6 @@ def test_marked_plane_pixels():
     points[:, 10:, 2] = 3.0
     points[5, 15, 2] = 2.0
     marked = np.zeros((20, 20), bool)
-    kernels.mark_plane(points, np.array([0.0, 0.0, 1.0, 2.0]), 0.01, 3, marked)
+    kernels.mark_planes(points, np.array([[0.0, 0.0, 1.0, 2.0]]), 0.01, 3, marked)
     assert marked[:, :10].all()
     assert not marked[:, 10:].any()

@@ -84,6 +84,20 @@ def plane_inliers(samples, normals, areas, plane, tolerance):
 
 
 @njit(cache=True)
+def without(samples, normals, areas, on):
+    """Return the samples, with their normals and areas, that are not selected by ``on``."""
+    rest = np.empty_like(samples), np.empty_like(normals), np.empty_like(areas)
+    count = 0
+    for i in range(samples.shape[0]):
+        if not on[i]:
+            for a in range(3):
+                rest[0][count, a], rest[1][count, a] = samples[i, a], normals[i, a]
+            rest[2][count] = areas[i]
+            count += 1
+    return rest[0][:count], rest[1][:count], rest[2][:count]
+
+
+@njit(cache=True)
 def moments(samples, on):
     """Compute count, mean (3,) and covariance (3, 3) of the selected samples."""
     count, mean, square = 0, np.zeros(3), np.zeros((3, 3))
@@ -121,26 +135,52 @@ def best_plane(samples, normals, areas, seeds, tolerance):
 
 
 @njit(cache=True)
-def mark_plane(points, plane, tolerance, window, out):
-    """Set ``out`` where a pixel and at least half of its window's pixels lie on the plane."""
+def mark_planes(points, planes, tolerance, window, out):
+    """Set ``out`` where a pixel and at least half of its window's pixels lie on one of ``planes``, (P, 4)."""
     rows, cols = points.shape[:2]
-    on = np.zeros((rows, cols), np.bool_)
-    # summed-area table of on-plane pixels minus half of the valid ones
-    sums = np.zeros((rows + 1, cols + 1), np.int32)
+    count, wide = planes.shape[0], cols + 2 * window
+    # 1 on the plane, -1 beside it, 0 without depth and around the image
+    signs = np.zeros((count, rows + 2 * window, wide), np.int8)
+    x, y, z = np.empty(cols, np.float32), np.empty(cols, np.float32), np.empty(cols, np.float32)
     for i in range(rows):
-        row = 0
         for j in range(cols):
-            z = points[i, j, 2]
-            if z == z:
-                r = plane[0] * points[i, j, 0] + plane[1] * points[i, j, 1] + plane[2] * z - plane[3]
-                on[i, j] = abs(r) < tolerance * z
-                row += 1 if on[i, j] else -1
-            sums[i + 1, j + 1] = sums[i, j + 1] + row
-    for i in range(rows):
-        top, bottom = max(0, i - window), min(rows, i + window + 1)
+            x[j], y[j], z[j] = points[i, j, 0], points[i, j, 1], points[i, j, 2]
+        for p in range(count):
+            mark_row(x, y, z, planes[p], tolerance, signs[p, i + window, window : window + cols])
+    for p in range(count):
+        add_majorities(signs[p], window, out)
+
+
+@njit(cache=True)
+def mark_row(x, y, z, plane, tolerance, signs):
+    """Write the signs of one row of pixels; compiled to vector instructions."""
+    n0, n1, n2, d = plane[0], plane[1], plane[2], plane[3]
+    for j in range(x.shape[0]):
+        off = abs(n0 * x[j] + n1 * y[j] + n2 * z[j] - d)
+        signs[j] = (1 if off < tolerance * z[j] else -1) if z[j] == z[j] else 0
+
+
+@njit(cache=True)
+def add_majorities(signs, window, out):
+    """Set ``out`` at positive signs whose window's sum is not negative; compiled to vector instructions.
+
+    Sums of windows of up to 11 by 11 pixels fit into eight bits.
+    """
+    rows, cols = out.shape
+    down, sums = np.zeros(signs.shape[1], np.int8), np.empty(cols, np.int8)
+    for i in range(-2 * window, rows):
+        entering = signs[i + 2 * window]
+        for j in range(down.shape[0]):
+            down[j] += entering[j]
+        if i < 0:
+            continue
+        sums[:] = 0
+        for k in range(2 * window + 1):
+            shifted = down[k : k + cols]
+            for j in range(cols):
+                sums[j] += shifted[j]
+        own, marked, leaving = signs[i + window, window : window + cols], out[i], signs[i]
         for j in range(cols):
-            if on[i, j]:
-                left, right = max(0, j - window), min(cols, j + window + 1)
-                more = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
-                if more >= 0:
-                    out[i, j] = True
+            marked[j] |= (own[j] > 0) & (sums[j] >= 0)
+        for j in range(down.shape[0]):
+            down[j] -= leaving[j]

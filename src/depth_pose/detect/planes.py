@@ -18,6 +18,9 @@ FLOOR_AREA_M2, FLOOR_WIDTH_M = 0.6, 0.12
 _TOLERANCE = 0.012
 """Maximum distance of a point from its plane, as a share of the range."""
 
+_WINDOW = 3
+"""Pixels around a marked one, to each side, half of which must lie on its plane; set by hand."""
+
 _MAX_PLANES = 10
 """Maximum number of planes in a room; set by hand."""
 _SEEDS = 64
@@ -76,10 +79,9 @@ class PlaneFinder:
         -------
         (h, w) bool
         """
-        found = self.find(points, camera)
+        planes = np.array(self.find(points, camera)).reshape(-1, 4)
         marked = np.zeros(points.shape[:2], np.bool_)
-        for plane in found:
-            kernels.mark_plane(points, plane, 1.5 * _TOLERANCE, 3, marked)
+        kernels.mark_planes(points, planes, 1.5 * _TOLERANCE, _WINDOW, marked)
         return marked
 
 
@@ -97,8 +99,11 @@ class _Samples:
         """Fit a plane to the samples near it and remove those; None if there is none, or it is small."""
         area, width = 0.0, 0.0
         inliers = np.zeros(len(self.points), np.bool_)
-        for _ in range(4):
+        for n in range(4):
+            before = inliers
             inliers, area = kernels.plane_inliers(self.points, self.normals, self.areas, plane, _TOLERANCE)
+            if n and (inliers == before).all():  # converged
+                break
             count, middle, covariance = kernels.moments(self.points, inliers)
             if count < 10:
                 break
@@ -108,8 +113,9 @@ class _Samples:
         is_plane = _is_large(plane, area, width)
         if is_plane:  # its noisy points must not form another plane
             inliers |= np.abs(self.points @ plane[:3] - plane[3]) < 2.5 * _TOLERANCE * self.points[:, 2]
-        rest = ~inliers
-        self.points, self.normals, self.areas = self.points[rest], self.normals[rest], self.areas[rest]
+        self.points, self.normals, self.areas = kernels.without(
+            self.points, self.normals, self.areas, inliers
+        )
         return plane if is_plane else None
 
 
