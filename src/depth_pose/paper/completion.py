@@ -54,7 +54,7 @@ class MeshCompleter:
         return other
 
     def fit(self, points: Array, coarse: Observation, start: BodyPose) -> FittedBody:
-        """Deform the body, posed at a candidate, to a cloud.
+        """Deform the body, posed at a candidate, to a cloud, in all passes.
 
         Parameters
         ----------
@@ -68,14 +68,17 @@ class MeshCompleter:
         -------
         FittedBody
         """
-        found = self._deform(points, coarse, start)
+        return self.finish(points, coarse, self.begin(points, coarse, start))
+
+    def finish(self, points: Array, coarse: Observation, found: FittedBody) -> FittedBody:
+        """Return the result of all passes after the first; arguments as of `fit`."""
         for _ in range(1, self.tuning.passes):
-            pose = pose_from_nodes(self.body, found.pose.rotations, found.nodes, start.scale)
-            found = self._deform(points, coarse, pose)
+            pose = pose_from_nodes(self.body, found.pose.rotations, found.nodes, found.pose.scale)
+            found = self.begin(points, coarse, pose)
         return found
 
-    def _deform(self, points: Array, coarse: Observation, start: BodyPose) -> FittedBody:
-        """Register, complete and transfer the joints, once."""
+    def begin(self, points: Array, coarse: Observation, start: BodyPose) -> FittedBody:
+        """Register, complete and transfer the joints, in one pass; arguments as of `fit`."""
         t = self.tuning
         posed = self.body.pose(start.rotations, start.root, start.scale)
         facing = self.visible(posed, start.rotations, coarse)

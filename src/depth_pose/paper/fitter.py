@@ -27,10 +27,10 @@ class _CompletionFit:
         return FittedBody(start, posed.vertices, posed.nodes)
 
     def rough(self, start: BodyPose) -> FittedBody:
-        return self.completer.fit(self.points, self.person.coarse, start)
+        return self.completer.begin(self.points, self.person.coarse, start)
 
     def finish(self, fitted: FittedBody) -> FittedBody:
-        return fitted
+        return self.completer.finish(self.points, self.person.coarse, fitted)
 
 
 class CompletionFitter:
