@@ -7,7 +7,7 @@
 People, motions and noise are simulated before the time-of-flight sensor and a wall (angles), or a
 sensor of 320 x 240 pixels (gait), and followed from the first frame with the default bank. Angles and
 their deviations are those of `depth_pose.joint_angles`, the true ones those of the true joints and
-segments. With ``--folder`` the clips are kept, and those that are there are not made again.
+segments. With ``--folder`` clips and skeletons are kept, and those that are there are not made again.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from depth_pose.bank import Bank, default_bank_path
 from depth_pose.body.angle_definitions import JOINT_ANGLES, angles_of
 from depth_pose.body.joint_angles import measure_angles
 from depth_pose.core.rotations import quat_to_matrix
-from depth_pose.core.skeleton import JOINT_INDEX, JOINTS
+from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointState
 from depth_pose.export.tracks import read_tracks
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.motion.clip import Clip
@@ -79,8 +79,9 @@ class Follower:
             if self._pipeline is None:
                 self._pipeline = PosePipeline(Bank.load(default_bank_path()))
                 self._pipeline.warm_up()
-            body = sample_person(np.random.default_rng(seed)).body()
-            simulate(recording, body, clip, stage, seed=seed)
+            if not recording.exists():
+                body = sample_person(np.random.default_rng(seed)).body()
+                simulate(recording, body, clip, stage, seed=seed)
             process_recording(DepthReader(recording), skeletons, self._pipeline)
             print(name, flush=True)
         return recording.with_suffix(".npz"), skeletons
@@ -109,9 +110,13 @@ def angle_errors(truth: Path, skeletons: Path) -> tuple[np.ndarray, np.ndarray, 
     known = angles_of(joints, pelvis, thorax, UP)
     confidence = track.joint_confidence[seen]
     carried = track.covariances[seen]
-    found, stated = measure_angles(track.positions[seen], track.quats_xyzw[seen], confidence, carried, UP)
+    states = track.joint_states[seen]
+    found, stated = measure_angles(
+        track.positions[seen], track.quats_xyzw[seen], confidence, states, carried, UP
+    )
     # angles that the true posture shows
-    shows = np.isfinite(measure_angles(joints, quats, np.ones_like(confidence), None, UP)[0])
+    shown = np.full_like(states, JointState.SEEN)
+    shows = np.isfinite(measure_angles(joints, quats, np.ones_like(confidence), shown, None, UP)[0])
     errors = np.where(shows, (found - known + 180.0) % 360.0 - 180.0, np.nan)
     apart = track.positions[seen] - joints
     return errors, stated, apart - np.median(apart, axis=1, keepdims=True), confidence

@@ -12,7 +12,7 @@ from depth_pose.body.joint_angles import joint_angles, joint_covariances, measur
 from depth_pose.core.errors import InputError
 from depth_pose.core.result import Skeleton
 from depth_pose.core.rotations import R_CAMERA_FACING_MODEL, matrix_to_quat, rotvec_to_matrix
-from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES
+from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, JointState
 from postures import nodes_of, posture
 from skeletons import make_skeleton
 
@@ -102,12 +102,15 @@ def test_deviations_are_those_of_many_draws() -> None:
     """Of joints that are moved at random, as their covariances say."""
     one = person(left_hip_flexion=30, left_knee_flexion=50, left_shoulder_flexion=40, left_elbow_flexion=60)
     covariances = joint_covariances(one.joint_confidence)
-    _, stated = measure_angles(one.positions, one.quats_xyzw, one.joint_confidence, None, UP)
+    _, stated = measure_angles(
+        one.positions, one.quats_xyzw, one.joint_confidence, one.joint_states, None, UP
+    )
     rng = np.random.default_rng(0)
     sigma = np.sqrt(covariances[:, 0, 0])[:, None]
     drawn = one.positions + sigma * rng.normal(size=(4000, 19, 3))
     quats = np.broadcast_to(one.quats_xyzw, (4000, 19, 4))
-    spread = np.nanstd(measure_angles(drawn, quats, np.ones((4000, 19)), None, UP)[0], axis=0)
+    sure, seen = np.ones((4000, 19)), np.zeros((4000, 19), np.uint8)
+    spread = np.nanstd(measure_angles(drawn, quats, sure, seen, None, UP)[0], axis=0)
     for name in ("left_knee_flexion", "left_elbow_flexion", "left_ankle_dorsiflexion", "trunk_flexion"):
         i = JOINT_ANGLES.index(name)
         assert stated[i] == pytest.approx(spread[i], rel=0.15), name
@@ -122,6 +125,17 @@ def test_doubt_about_a_joint_is_doubt_about_its_angles() -> None:
     )
     assert not angles["left_elbow_flexion"].measured
     assert angles["right_elbow_flexion"].deviation < 8
+
+
+def test_angles_of_joints_outside_the_image_are_not_measured() -> None:
+    """However sure the guess: the ankles of somebody who stands too near."""
+    one = person(left_hip_flexion=30, left_knee_flexion=50, right_knee_flexion=50)
+    states = np.full(19, JointState.SEEN, np.uint8)
+    states[JOINT_INDEX["left_ankle"]] = JointState.OUTSIDE_IMAGE
+    angles = joint_angles(make_skeleton(one.positions, quats_xyzw=one.quats_xyzw, joint_states=states), UP)
+    assert not any(angles[f"left_{name}"].measured for name in ("knee_flexion", "ankle_dorsiflexion"))
+    for name in ("left_hip_flexion", "right_knee_flexion", "right_ankle_dorsiflexion", "trunk_flexion"):
+        assert angles[name] == joint_angles(one, UP)[name], name
 
 
 def test_wrong_input_is_refused() -> None:

@@ -97,6 +97,7 @@ def motion_on_floor(track: Track, step_s: float, start_ns: int, tilt_deg: float 
         joints,
         track.quats_xyzw,
         track.joint_confidence,
+        track.joint_states,
         track.covariances,
         None if tilt_deg is None else UP,
     )

@@ -3,8 +3,9 @@ r"""Joint angles of skeletons, each with its deviation; `depth_pose.body.angle_d
 Rotation of the hip shows only where the knee is bent, that of the shoulder where the elbow is bent, and the
 plane of elevation where the arm is lifted. The deviation says so: with :math:`J` the derivatives of an angle
 by the joints' places and :math:`\Sigma` their covariances it is :math:`\sqrt{J \Sigma J^\top}`, which grows
-without limit as a limb becomes straight. An angle of more than `MOST_DEVIATION_DEG` is not measured: NaN, and
-its deviation infinite.
+without limit as a limb becomes straight. Joints outside of the image are placed as people usually hold them;
+their confidence tells how often that is right, but nothing is measured there: their deviation is
+`_OUTSIDE_M`. An angle of more than `MOST_DEVIATION_DEG` is not measured: NaN, and its deviation infinite.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from depth_pose.body.angle_definitions import (
 from depth_pose.body.angles import relative
 from depth_pose.core.errors import InputError
 from depth_pose.core.rotations import quat_to_matrix, unit_vectors
-from depth_pose.core.skeleton import JOINT_INDEX, JOINTS
+from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointState
 
 if TYPE_CHECKING:
     from depth_pose.core.result import Skeleton
@@ -35,6 +36,9 @@ Array = NDArray[np.float64]
 
 MOST_DEVIATION_DEG = 20.0
 """Maximum deviation (degrees) of an angle that counts as measured. Set by hand: four times the aim of 5."""
+
+_OUTSIDE_M = 1.0
+"""Deviation of a joint outside of the image in each direction, metres: longer than any bone."""
 
 _STEP_M = 1e-4
 """Step of the numerical derivatives, metres."""
@@ -130,7 +134,12 @@ def joint_angles(skeleton: Skeleton, up: Array | None = None) -> JointAngles:
         raise InputError("the skeleton is LOST: it has no joints, and so no angles")
     carried = skeleton.covariances if len(skeleton.covariances) else None
     degrees, deviations = measure_angles(
-        skeleton.positions, skeleton.quats_xyzw, skeleton.joint_confidence, carried, up
+        skeleton.positions,
+        skeleton.quats_xyzw,
+        skeleton.joint_confidence,
+        skeleton.joint_states,
+        carried,
+        up,
     )
     return JointAngles(degrees, deviations)
 
@@ -139,6 +148,7 @@ def measure_angles(
     positions: Array,
     quats_xyzw: Array,
     joint_confidence: NDArray[np.floating],
+    joint_states: NDArray[np.uint8],
     carried: NDArray[np.floating] | None = None,
     up: Array | None = None,
 ) -> tuple[Array, Array]:
@@ -152,6 +162,8 @@ def measure_angles(
         Segment rotations, rest pose to the positions' frame.
     joint_confidence : (..., 19)
         0 to 1.
+    joint_states : (..., 19) uint8
+        `depth_pose.core.skeleton.JointState` values.
     carried : (..., 19, 3, 3), optional
         Covariances of the positions, square metres; NaN where they are not known.
     up : (3,), optional
@@ -166,6 +178,7 @@ def measure_angles(
     flat = np.asarray(positions, np.float64).reshape(-1, len(JOINTS), 3)
     quats = np.asarray(quats_xyzw, np.float64).reshape(-1, len(JOINTS), 4)
     sure = joint_confidence.reshape(-1, len(JOINTS))
+    is_outside = joint_states.reshape(-1, len(JOINTS)) == JointState.OUTSIDE_IMAGE
     known = None if carried is None else carried.reshape(-1, len(JOINTS), 3, 3)
     vertical = _direction(up)
     degrees = np.full((len(flat), len(JOINT_ANGLES)), np.nan)
@@ -173,6 +186,7 @@ def measure_angles(
     for first in range(0, len(flat), _CHUNK):
         part = slice(first, first + _CHUNK)
         spread = joint_covariances(sure[part], None if known is None else known[part])
+        spread[is_outside[part]] = _OUTSIDE_M**2 * np.eye(3)
         degrees[part], deviations[part] = _measured(flat[part], quats[part], spread, vertical)
     lacking = ~(deviations <= MOST_DEVIATION_DEG) | ~np.isfinite(degrees)
     if up is None:

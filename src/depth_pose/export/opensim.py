@@ -47,7 +47,12 @@ def coordinates(track: Track) -> dict[str, Array]:
         NaN.
     """
     angles, _ = measure_angles(
-        track.positions, track.quats_xyzw, track.joint_confidence, track.covariances, _UP
+        track.positions,
+        track.quats_xyzw,
+        track.joint_confidence,
+        track.joint_states,
+        track.covariances,
+        _UP,
     )
     at = {name: angles[:, i] for name, i in JOINT_ANGLE_INDEX.items()}
     pelvis, chest = (quat_to_matrix(track.quats_xyzw[:, JOINT_INDEX[name]]) for name in ("pelvis", "chest"))

@@ -110,7 +110,9 @@ def _plain(values: Any) -> Any:
 
 
 def _angles(track: Track, up: NDArray[np.float64] | None) -> tuple[NDArray[np.float64], ...]:
-    return measure_angles(track.positions, track.quats_xyzw, track.joint_confidence, track.covariances, up)
+    return measure_angles(
+        track.positions, track.quats_xyzw, track.joint_confidence, track.joint_states, track.covariances, up
+    )
 
 
 def _frames(
