@@ -16,7 +16,7 @@ from depth_pose.detect import _finder_kernels as kernels
 from depth_pose.detect import _vote_kernels as votes_of
 from depth_pose.detect.clusters import Clusters
 from depth_pose.detect.finder import PeopleFinder, join_parts, load_weights
-from depth_pose.detect.turned import reduce_frame
+from depth_pose.detect.turned import NORMAL_GRID, reduce_frame
 
 CERTAIN = 0.6
 KINECT = Camera(640, 480, 575.0, 575.0, 319.5, 239.5)
@@ -61,6 +61,20 @@ def test_a_person_in_a_room(finder, camera, distance, turn):
     truth = np.isfinite(syn.draw(syn.mesh(body), camera=found.camera))
     own = found.labels == person.label
     assert (own & truth).sum() / (own | truth).sum() > 0.8
+
+
+def test_a_person_in_a_view_of_120_degrees(finder):
+    """Of 40 degrees they would have three times the rows; the net's image has more for such views."""
+    camera = Camera(512, 512, 148.0, 148.0, 255.5, 255.5)
+    assert reduce_frame(scene(camera=camera)).depth.shape == (240, 240)
+    assert reduce_frame(scene()).depth.shape == NORMAL_GRID
+    for distance, aside in ((2.2, -1.5), (3.0, 0.0), (3.0, 1.2)):
+        body = syn.posed(syn.arms_down(), distance=distance, aside=aside, turn=30.0)
+        frame = scene(body, camera=camera)
+        (person,) = persons(finder.find(frame))
+        assert np.linalg.norm(person.torso - torso_of(body)) < 0.15
+        (turned,) = persons(finder.find(replace(frame, depth=frame.depth[::-1, ::-1].copy()), turns=2))
+        assert np.linalg.norm(turned.torso - torso_of(body) * (-1, -1, 1)) < 0.15
 
 
 def test_two_people_side_by_side_are_two(finder):

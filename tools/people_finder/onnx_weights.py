@@ -52,3 +52,34 @@ def float_weights(model: onnx.ModelProto) -> dict[str, np.ndarray]:
             off = whole.astype(np.float32) - zero.reshape(by_channel)
             values[node.output[0]] = (off * scale.reshape(by_channel)).astype(np.float32)
     return values
+
+
+def free_sides(path: Path) -> None:
+    """Let a net take images of any height and width: a cut before a joint follows what it is joined to."""
+    model = onnx.load(path)
+    graph = model.graph
+    values = {t.name: numpy_helper.to_array(t) for t in graph.initializer}
+    made_by = {name: node for node in graph.node for name in node.output}
+    for joint in [n for n in graph.node if n.op_type == "Concat"]:
+        cut = made_by[joint.input[1]]
+        while cut.op_type == "Slice":
+            axis = values[cut.input[3]]
+            names = [f"{cut.name}_{part}" for part in ("axis", "shape", "end")]
+            graph.initializer.append(numpy_helper.from_array(axis, names[0]))
+            size = [
+                helper.make_node("Shape", [joint.input[0]], [names[1]]),
+                helper.make_node("Gather", names[1::-1], [names[2]]),
+            ]
+            for node in size:
+                graph.node.insert(list(graph.node).index(cut), node)
+            cut.input[2] = names[2]
+            cut = made_by[cut.input[0]]
+    for value in (*graph.input, *graph.output):
+        for dimension, name in zip(value.type.tensor_type.shape.dim[2:], ("rows", "columns"), strict=True):
+            dimension.dim_param = f"{value.name}_{name}"
+    del graph.value_info[:]  # sizes between the layers
+    used = {name for node in graph.node for name in node.input}
+    for tensor in [t for t in graph.initializer if t.name not in used]:
+        graph.initializer.remove(tensor)
+    onnx.checker.check_model(model)
+    onnx.save(model, path)

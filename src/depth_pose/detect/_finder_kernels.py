@@ -15,7 +15,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.core.kernels import njit
 
 ROWS, COLS = 120, 160
-"""Size of the net's image, pixels."""
+"""Size (H, W) of the net's image in training and for usual views, pixels."""
 
 CHANNELS = 12
 """Number of features per pixel; `fill_features` lists them."""
@@ -44,7 +44,7 @@ class NetImage(NamedTuple):
 
     Attributes
     ----------
-    depth : (ROWS, COLS) float32
+    depth : (H, W) float32
         Metres; 0 without depth, and beyond ``rows`` and ``cols``.
     rows, cols : int
         Part filled by the camera, from the top left.
@@ -129,7 +129,7 @@ def fill_features(image, background, sums, counts, out):
     distance; 3 whether there is a depth; 4 logarithm of the pixel's size here; 5, 6 slopes of the ray; 7, 8
     slopes of the surface; 9 height below the camera's axis; 10 inverse depth of a background that is gone;
     11 depth in front of a known background. All are 0 in holes, except 5, 6 and 10. ``background``
-    (ROWS, COLS) is `StillBackground.depth`; ``sums`` and ``counts`` (ROWS + 1, COLS + 1) are work space.
+    (H, W) is `StillBackground.depth`; ``sums`` and ``counts`` (H + 1, W + 1) are work space.
     """
     grid, rows, cols, camera = image.depth, image.rows, image.cols, image.camera
     out[:] = 0.0

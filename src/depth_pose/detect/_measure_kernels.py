@@ -10,7 +10,6 @@ import numpy as np
 from depth_pose.core._camera_kernels import ray
 from depth_pose.core._odds_kernels import logistic
 from depth_pose.core.kernels import njit
-from depth_pose.detect._finder_kernels import COLS
 
 _SAME_M = 0.1
 """Pixels of two grids that differ by less in depth (m) show the same surface."""
@@ -47,7 +46,7 @@ def measure_clusters(image, mask, torso, votes, owner, modes, out):
         p = owner[k] - 1
         if p < 0:
             continue
-        i, j = flat[k] // COLS, flat[k] % COLS
+        i, j = flat[k] // grid.shape[1], flat[k] % grid.shape[1]
         z = grid[i, j]
         x, y = ray(camera, j, i)
         q = (np.float64(x * z), np.float64(y * z), np.float64(z))

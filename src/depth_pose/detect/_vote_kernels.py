@@ -1,6 +1,6 @@
 """Compiled loops from the net's torso votes to clusters, for `depth_pose.detect.finder`.
 
-``image`` is a `NetImage`. Flat indices count its pixels, row by row, `COLS` to a row.
+``image`` is a `NetImage`. Flat indices count its pixels, row by row.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from depth_pose.core._camera_kernels import ray
 from depth_pose.core.kernels import njit
-from depth_pose.detect._finder_kernels import COLS
 
 _CELL_M = 0.1
 """Cell size (m) of the histogram of votes."""
@@ -81,7 +80,7 @@ def collect_votes(image, mask, torso, least, out):
             width = np.exp(torso[3, i, j])
             areas[count] = z * z / (camera.fx * camera.fy)
             weights[count] = areas[count] / (1.0 + np.exp(-mask[i, j])) * min(1.0, _KEEN_M / width)
-            flat[count] = i * COLS + j
+            flat[count] = i * grid.shape[1] + j
             count += 1
     return count
 
@@ -174,12 +173,12 @@ def assign_votes(flat, votes, modes, reach, labels, owner):
             d = apart2(votes[k], modes[m])
             if d < best:
                 best, owner[k] = d, m + 1
-        labels[flat[k] // COLS, flat[k] % COLS] = owner[k]
+        labels[flat[k] // labels.shape[1], flat[k] % labels.shape[1]] = owner[k]
 
 
 @njit(cache=True)
 def claim_pixels(image, mask, torso, least, torsos, reach):
-    """Compute the torso that each pixel with a mask logit of ``least`` or more votes for, (ROWS, COLS) uint8.
+    """Compute the torso that each pixel with a mask logit of ``least`` or more votes for, (H, W) uint8.
 
     From 1, in the order of ``torsos`` (P, 3); 0 if the vote lies farther than ``reach`` from all of them.
     """

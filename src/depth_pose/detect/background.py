@@ -19,6 +19,7 @@ from depth_pose.core.camera import Camera
 from depth_pose.detect import _background_kernels as kernels
 from depth_pose.detect._background_kernels import BackgroundLimits
 from depth_pose.detect._finder_kernels import COLS, ROWS, NetImage
+from depth_pose.detect.turned import NORMAL_GRID
 
 _LIMITS = BackgroundLimits(near_m=0.1, rise=0.02, least_share=0.05, most_farther=0.05, most_shift=0.5)
 """Depth changes that are no noise (m, and m per squared metre of distance); share of pixels that must be
@@ -37,17 +38,19 @@ class StillBackground:
 
     Attributes
     ----------
-    depth : (ROWS, COLS) float32
+    depth : (H, W) float32
         The background before the image of the last `look`, metres; 0 where it is unknown.
     is_still : bool
         Whether that image showed the same view.
     """
 
     def __init__(self) -> None:
-        self.depth = np.zeros((ROWS, COLS), np.float32)
-        self._next = np.zeros((ROWS, COLS), np.float32)
-        self._since_ns = np.zeros((ROWS, COLS), np.int64)
+        self._allocate(NORMAL_GRID)
         self.reset()
+
+    def _allocate(self, shape: tuple[int, ...]) -> None:
+        self.depth, self._next = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+        self._since_ns = np.zeros(shape, np.int64)
 
     def warm_up(self) -> None:
         """Compile every kernel; forgets the view."""
@@ -74,9 +77,11 @@ class StillBackground:
 
         Returns
         -------
-        (ROWS, COLS) float32
+        (H, W) float32
             `depth`; all 0 for the first image of a view.
         """
+        if image.depth.shape != self.depth.shape:
+            self._allocate(image.depth.shape)
         gap_ns = stamp_ns - self._stamp_ns if self._stamp_ns is not None else 0
         is_same_view = 0 < gap_ns <= _LONGEST_NS and image.camera == self._camera
         self.is_still = is_same_view and not kernels.has_moved(image.depth, self._next, _LIMITS)

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from depth_pose.detect import _finder_kernels as grid
 from depth_pose.detect import _measure_kernels as measuring
 from depth_pose.detect import _vote_kernels as kernels
 from depth_pose.detect._finder_kernels import NetImage
+from depth_pose.detect.turned import MOST_PIXELS
 
 _LEAST_LOGIT = -0.62
 """Least logit of a voting pixel, a probability of .35."""
@@ -40,7 +40,7 @@ class Clusters:
 
     Attributes
     ----------
-    labels : (ROWS, COLS) uint8
+    labels : (H, W) uint8
         From 1; 0: background.
     torsos : (P, 3) float64
     measures : (P, MEASURES) float64
@@ -59,15 +59,13 @@ class VoteGatherer:
     """Clusters torso votes; keeps only its work space from frame to frame."""
 
     def __init__(self) -> None:
-        shape = (grid.ROWS, grid.COLS)
-        size = shape[0] * shape[1]
         self._density = np.zeros(int(np.prod(kernels.CELLS)))
-        self._owner = np.zeros(size, np.int64)
+        self._owner = np.zeros(MOST_PIXELS, np.int64)
         self._votes = kernels.TorsoVotes(
-            flat=np.zeros(size, np.int64),
-            points=np.zeros((size, 3)),
-            weights=np.zeros(size),
-            areas=np.zeros(size),
+            flat=np.zeros(MOST_PIXELS, np.int64),
+            points=np.zeros((MOST_PIXELS, 3)),
+            weights=np.zeros(MOST_PIXELS),
+            areas=np.zeros(MOST_PIXELS),
         )
 
     def gather(
@@ -81,7 +79,7 @@ class VoteGatherer:
         Parameters
         ----------
         image : NetImage
-        mask, torso : (ROWS, COLS), (4, ROWS, COLS) float32
+        mask, torso : (H, W), (4, H, W) float32
             Output of the net.
         """
         n = kernels.collect_votes(image, mask, torso, _LEAST_LOGIT, self._votes)

@@ -33,7 +33,7 @@ from depth_pose.detect.clusters import Clusters, VoteGatherer
 from depth_pose.detect.net import open_net, read_weights
 from depth_pose.detect.outline import carry_people, spread
 from depth_pose.detect.tuning import DetectTuning
-from depth_pose.detect.turned import Turned, reduce_frame
+from depth_pose.detect.turned import NORMAL_GRID, Turned, reduce_frame
 from depth_pose.detect.verifier import Verifier
 
 LEAST_PIXELS = 12
@@ -131,13 +131,16 @@ class PeopleFinder:
         self.verifier = Verifier.from_mapping(settings["verifier"]) if "verifier" in settings else None
         self._session = open_net(model)
         self._input = self._session.get_inputs()[0].name
-        shape = (kernels.ROWS, kernels.COLS)
+        self._allocate(NORMAL_GRID)
+        self._gatherer = VoteGatherer()
+
+    def _allocate(self, shape: tuple[int, ...]) -> None:
+        """Make the work space for a grid; usually once."""
         self._features = np.zeros((1, kernels.CHANNELS, *shape), np.float32)
         self._unknown = np.zeros(shape, np.float32)
         self._sums = np.zeros((shape[0] + 1, shape[1] + 1))
         self._counts = np.zeros((shape[0] + 1, shape[1] + 1), np.int64)
         self._torso = np.zeros((4, *shape), np.float32)
-        self._gatherer = VoteGatherer()
 
     def warm_up(self) -> None:
         """Compile and load everything, so that the first frame is not slower."""
@@ -165,8 +168,8 @@ class PeopleFinder:
             Empty if no person is in view.
         """
         image = reduce_frame(frame, self.config.near)
-        turned = Turned(frame, turns, self.config.near) if turns else None
-        behind = self._unknown if background is None else background.look(image, frame.stamp_ns)
+        turned = Turned(frame, turns, self.config.near, image.depth.shape) if turns else None
+        behind = None if background is None else background.look(image, frame.stamp_ns)
         mask, torso, found = self._vote(image, behind, turned)
         depth, camera = working_grid.reduce_frame(frame, self.config)
         probability = (
@@ -211,26 +214,29 @@ class PeopleFinder:
         Parameters
         ----------
         image : NetImage
-        background : (ROWS, COLS) float32, optional
+        background : (H, W) float32, optional
             `StillBackground.depth`; unknown by default.
 
         Returns
         -------
-        mask : (ROWS, COLS) float32
+        mask : (H, W) float32
             Logit of the probability that a pixel shows a person.
         clusters : Clusters
         """
-        mask, _, clusters = self._vote(image, self._unknown if background is None else background)
+        mask, _, clusters = self._vote(image, background)
         return mask, clusters
 
     def _vote(
-        self, image: NetImage, background: NDArray[np.float32], turned: Turned | None = None
+        self, image: NetImage, background: NDArray[np.float32] | None, turned: Turned | None = None
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], Clusters]:
         """Run the net, on another image where one is given, and cluster its votes."""
-        shown, behind = (image, background) if turned is None else (turned.image, self._unknown)
+        if image.depth.shape != self._unknown.shape:
+            self._allocate(image.depth.shape)
+        shown = image if turned is None else turned.image
+        behind = self._unknown if background is None or turned is not None else background
         kernels.fill_features(shown, behind, self._sums, self._counts, self._features[0])
         packed_mask, packed_torso = self._session.run(None, {self._input: self._features})
-        mask, torso = np.empty((1, kernels.ROWS, kernels.COLS), np.float32), self._torso
+        mask, torso = np.empty((1, *image.depth.shape), np.float32), self._torso
         kernels.unpack(packed_mask[0], mask)
         kernels.unpack(packed_torso[0], torso)
         if turned is not None:

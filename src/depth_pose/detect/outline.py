@@ -36,9 +36,9 @@ def carry_people(
     Parameters
     ----------
     image : NetImage
-    net_labels : (ROWS, COLS) uint8
+    net_labels : (H, W) uint8
         Person at each pixel, from 1; 0: background.
-    net_chance : (ROWS, COLS) float32
+    net_chance : (H, W) float32
         Person probability.
     depth : (h, w) float32
         The working grid, metres.

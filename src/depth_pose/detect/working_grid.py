@@ -11,6 +11,9 @@ from depth_pose.core.frame import DepthFrame
 from depth_pose.detect import _reduce_kernels as kernels
 from depth_pose.detect.tuning import DetectTuning
 
+_LEAST_FOCAL = 80.0
+"""Least focal length on the grid (pixels) for which an image is reduced: at 3 m a forearm is two wide."""
+
 
 def reduce_camera(camera: Camera, stride: int) -> Camera:
     """Return the camera whose pixels are blocks of ``stride`` x ``stride`` pixels."""
@@ -35,15 +38,16 @@ def reduce_frame(
         Metres; 0 without a measurement within the distance limits.
     camera : Camera
     """
-    stride = max(1, round(frame.camera.height / config.working_height))
+    camera = frame.camera
+    stride = max(1, min(round(camera.height / config.working_height), int(camera.fx / _LEAST_FOCAL)))
     if stride == 1:
-        return kernels.clip_depth(frame.depth, config.near, config.far), frame.camera
+        return kernels.clip_depth(frame.depth, config.near, config.far), camera
     depth = kernels.reduce_depth(frame.depth, stride, tuning.depth_jump, config.near, config.far)
-    return depth, reduce_camera(frame.camera, stride)
+    return depth, reduce_camera(camera, stride)
 
 
 def warm_up(config: SegmentConfig) -> None:
     """Compile the kernels for reduced and for unreduced images."""
     for side in (8, 2 * config.working_height):
         depth = np.full((side, 8), 2.0, np.float32)
-        reduce_frame(DepthFrame(0, "", depth, Camera(8, side, 60.0, 60.0, 3.5, 0.5 * side)), config)
+        reduce_frame(DepthFrame(0, "", depth, Camera(8, side, 200.0, 200.0, 3.5, 0.5 * side)), config)
