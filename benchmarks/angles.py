@@ -23,7 +23,6 @@ from command_line import make_parser
 from parts.builds import sample_person
 
 from depth_pose.analysis import analyse_recording
-from depth_pose.analysis.steps import Walk
 from depth_pose.bank import Bank, default_bank_path
 from depth_pose.body.angle_definitions import JOINT_ANGLES, angles_of
 from depth_pose.body.joint_angles import measure_angles
@@ -192,16 +191,6 @@ def true_step(joints: np.ndarray, cadence: float, fps: float) -> float:
     return float(0.5 * (steps[0::2].mean() + steps[1::2].mean()))
 
 
-def true_speed(joints: np.ndarray, fps: float, walks_found: tuple[Walk, ...]) -> float:
-    """Mean speed of the true pelvis between the first and the last strike that were found, m/s."""
-    way = seconds = 0.0
-    for walk in walks_found:
-        begin, end = (round(walk.events[k].strike * fps) for k in (0, -1))
-        way += float(np.linalg.norm(joints[end, 0] - joints[begin, 0]))
-        seconds += (end - begin) / fps
-    return way / seconds
-
-
 def gait(_: argparse.Namespace, folder: Path) -> None:
     """Print measures of gait beside the true ones."""
     head = ("cadence, steps/min", "speed, m/s", "step length, cm", "step width, cm", "stance, %", "steps")
@@ -216,7 +205,7 @@ def gait(_: argparse.Namespace, folder: Path) -> None:
         if not found["cadence"].is_known:
             print(f"| {view} | {distance} m | not known: {found['cadence'].reason} | | | | | |")
             continue
-        speed = true_speed(joints, 30.0, person.gait.walks)
+        speed = step * cadence / 60.0
         length, width = found["step length"], found["step width"]
         cells = [
             f"{found['cadence'].value:.1f} of {cadence:.1f}",

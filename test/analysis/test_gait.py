@@ -52,6 +52,38 @@ def test_a_walk_is_measured(tmp_path, seed, turn):
     assert 10 < found["double support", ""].value < 35
 
 
+def test_somebody_slow_who_almost_stands_at_each_step_walks_on(tmp_path):
+    """At .31 m/s the pelvis has less than .25 m/s for some frames of each step."""
+    clip = walk_straight(FPS, 4.0, 2, cadence=100.0, size=0.5)
+    person = analyse_recording(write(tmp_path / "walk.mcap", skeletons_of(clip, 90.0, 2))).people[0]
+    cadence = next(m for m in person.gait.measures if m.name == "cadence")
+    assert cadence.value == pytest.approx(100.0, rel=0.02)
+    assert (len(person.gait.walks), cadence.count) == (1, 4)
+
+
+@pytest.mark.parametrize(("dropped", "walks"), [(range(60, 62), 1), (range(60, 90), 2)])
+def test_a_walk_goes_on_through_dropped_frames(tmp_path, dropped, walks):
+    clip = walk_straight(FPS, SECONDS, 1, cadence=100.0)
+    skeletons = [s for k, s in enumerate(skeletons_of(clip, 90.0)) if k not in dropped]
+    gait = analyse_recording(write(tmp_path / "walk.mcap", skeletons)).people[0].gait
+    assert len(gait.walks) == walks
+    assert next(m for m in gait.measures if m.name == "cadence").value == pytest.approx(100.0, rel=0.02)
+
+
+def test_cadence_is_that_of_all_events_not_of_the_first_and_the_last(tmp_path):
+    """Root mean square of twenty walks of four seconds."""
+    off = []
+    for seed in range(20):
+        cadence = 92.0 + 1.4 * seed
+        clip = walk_straight(FPS, 4.0, seed, cadence=cadence, size=0.9)
+        found = measures_of(write(tmp_path / f"{seed}.mcap", skeletons_of(clip, 30.0 * seed, seed)))
+        if found["cadence", ""].count:
+            off.append(found["cadence", ""].value / cadence - 1.0)
+            assert abs(off[-1]) < 3 * found["cadence", ""].deviation / cadence + 0.005
+    assert len(off) >= 15
+    assert np.sqrt(np.mean(np.square(off))) < 0.0045
+
+
 def test_steps_of_unlike_length_are_told(tmp_path):
     """Simulated walkers are a little lame: each leg has its own curves."""
     clip = walk_straight(FPS, SECONDS, 4, cadence=100.0)

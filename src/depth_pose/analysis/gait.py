@@ -16,6 +16,7 @@ from depth_pose.analysis.motion import Motion
 from depth_pose.analysis.steps import (
     LEAST_S,
     SIDES,
+    Event,
     Step,
     Walk,
     find_walk,
@@ -104,20 +105,20 @@ def analyse_gait(motion: Motion) -> Gait:
 def _measures(motion: Motion, walks: tuple[Walk, ...], steps: list[Step]) -> tuple[Measure, ...]:
     frames = sum(walk.end - walk.first for walk in walks)
     place_m = _deviation_of_ankles(motion, walks)
-    seconds = np.array([step.seconds for step in steps])
-    time = mean_of(seconds, np.sqrt(2) * _EVENT_S)
-    cadence = 60.0 / time.value
+    usual_s = float(np.median([step.seconds for step in steps]))
+    step_s, step_sd = _step_time(walks, usual_s)
+    cadence = 60.0 / step_s
     speeds = _speeds(motion, walks)
     weight, speed = np.array([s for s, _ in speeds]), np.array([v for _, v in speeds])
     mean_speed = float(weight @ speed / weight.sum())
     spread = float(np.sqrt(weight @ (speed - mean_speed) ** 2 / weight.sum())) / np.sqrt(len(speed))
     ends = np.sqrt(2) * place_m / weight.sum()
     speed_sd = float(np.linalg.norm([ends, spread, _SCALE * mean_speed]))
-    cadence_sd = cadence * time.deviation / time.value
+    cadence_sd = cadence * step_sd / step_s
     lengths = {s: np.array([t.length for t in steps if t.side == s]) for s in SIDES}
     widths = np.array([t.width for t in steps])
-    stance, stride_s, double = _phases(walks, 2 * float(np.median(seconds)))
-    step_off, share_off = np.sqrt(2) * place_m, np.sqrt(2) * _EVENT_S / max(2 * time.value, 0.1) * 100.0
+    stance, stride_s, double = _phases(walks, 2 * usual_s)
+    step_off, share_off = np.sqrt(2) * place_m, np.sqrt(2) * _EVENT_S / max(2 * step_s, 0.1) * 100.0
 
     def measure(name: str, side: str, values: Array, each: float, of: str, common: float = 0.0) -> Measure:
         mean = mean_of(values, each, common)
@@ -128,7 +129,7 @@ def _measures(motion: Motion, walks: tuple[Walk, ...], steps: list[Step]) -> tup
 
     out = [
         Measure(GROUP, "speed", "", mean_speed, speed_sd, "m/s", len(speeds), "walks", frames),
-        Measure(GROUP, "cadence", "", cadence, cadence_sd, "steps/min", time.count, "steps", frames),
+        Measure(GROUP, "cadence", "", cadence, cadence_sd, "steps/min", len(steps), "steps", frames),
         *(measure("step length", s, lengths[s], step_off, "steps", _STEP_OFF_M) for s in SIDES),
         measure("step width", "", widths, step_off, "steps", _STEP_OFF_M),
         *(measure("stride time", s, stride_s[s], np.sqrt(2) * _EVENT_S, "strides") for s in SIDES),
@@ -167,6 +168,38 @@ def _symmetry(name: str, left: Measure, right: Measure, of: str, frames: int) ->
     value = 100.0 * (left.value - right.value) / mean
     deviation = 100.0 * float(np.hypot(left.deviation, right.deviation)) / mean
     return Measure(GROUP, name, "", value, deviation, "%", count, of, frames)
+
+
+def _step_time(walks: tuple[Walk, ...], usual_s: float) -> tuple[float, float]:
+    """Time of a step and its deviation, seconds: one slope through all strikes and toe-offs by their number.
+
+    The mean time of successive steps would be that between the first and the last strike, and have their
+    errors.
+    """
+    numbers, times = [], []
+    for row in (row for walk in walks for row in _rows(walk, usual_s)):
+        for kind in ([event.strike for event in row], [event.off for event in row]):
+            seen = np.isfinite(kind)
+            if seen.any():
+                number, time = np.arange(len(row))[seen], np.array(kind)[seen]
+                numbers.append(number - number.mean())
+                times.append(time - time.mean())
+    k, t = np.concatenate(numbers), np.concatenate(times)
+    step_s = float(k @ t / (k @ k))
+    scatter = float(np.sqrt(np.mean((t - k * step_s) ** 2)))
+    return step_s, max(scatter, _EVENT_S) / float(np.sqrt(k @ k))
+
+
+def _rows(walk: Walk, usual_s: float) -> list[list[Event]]:
+    """Events that follow one another as steps do: of unlike feet, after a usual time."""
+    rows: list[list[Event]] = []
+    for event in walk.events:
+        last = rows[-1][-1] if rows else None
+        if last and last.side != event.side and _is_usual(event.strike - last.strike, usual_s):
+            rows[-1].append(event)
+        else:
+            rows.append([event])
+    return rows
 
 
 def _deviation_of_ankles(motion: Motion, walks: tuple[Walk, ...]) -> float:

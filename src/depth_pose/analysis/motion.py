@@ -12,13 +12,15 @@ from depth_pose.analysis.measures import Array, Mask
 from depth_pose.body.angle_definitions import AGAINST_VERTICAL, JOINT_ANGLE_INDEX
 from depth_pose.body.joint_angles import joint_covariances, measure_angles
 from depth_pose.core.skeleton import JOINT_INDEX
-from depth_pose.export.tracks import Track, even, whole
+from depth_pose.export.tracks import Track, even, fill_gaps, whole
 
 SURE = 0.5
 """Minimum confidence of a joint that is used. Set by hand: one half is an expected error of 10 cm."""
 _CUTOFF_HZ = 6.0
 """Cut-off of the low-pass of joints: D. A. Winter, *Biomechanics and Motor Control of Human Movement*, 4th
 ed., 2009, sec. 3.4, for walking."""
+_BRIDGE_S = 0.15
+"""Maximum duration of a gap that is filled: some dropped frames, a quarter of a step. Set by hand."""
 _LEAST_RATE_HZ = 3 * _CUTOFF_HZ
 """Frames a second below which nothing is filtered."""
 _CHUNK = 1000
@@ -38,6 +40,7 @@ class Motion:
     times : (T,) float64
         Seconds since the recording's first frame.
     present : (T,) bool
+        Gaps of up to `_BRIDGE_S` are filled, with joints that are not sure.
     joints : (T, 19, 3) float64
         Metres, low-passed; NaN in gaps.
     raw : (T, 19, 3) float64
@@ -91,7 +94,7 @@ def motion_on_floor(track: Track, step_s: float, start_ns: int, tilt_deg: float 
     InputError
         Where no frame has all joints.
     """
-    track = even(whole(track), step_s)
+    track = _bridged(even(whole(track), step_s), step_s)
     joints = _low_passed(track.positions, track.present, 1.0 / step_s)
     angles, deviations = measure_angles(
         joints,
@@ -115,6 +118,16 @@ def motion_on_floor(track: Track, step_s: float, start_ns: int, tilt_deg: float 
         angles=angles,
         angle_deviations=deviations,
     )
+
+
+def _bridged(track: Track, step_s: float) -> Track:
+    """Fill short gaps."""
+    filled = fill_gaps(track)
+    for first, end in track.gaps():
+        if (end - first) * step_s > _BRIDGE_S:
+            filled.present[first:end] = False
+            filled.positions[first:end] = filled.quats_xyzw[first:end] = np.nan
+    return filled
 
 
 def _deviations(track: Track) -> Array:

@@ -29,6 +29,9 @@ SIDES = ("left", "right")
 
 _WALKING_M_S = 0.25
 """Minimum speed of the pelvis while walking. Set by hand: slow frail walkers have .4 m/s."""
+_PAUSE_S = 0.3
+"""Maximum time below that speed within a walk: slow walkers almost stand at each step. Set by hand: less than
+a step."""
 _SLOW_S = 0.35
 """Width of the Gaussian that leaves the pelvis its path but not its swaying, seconds. Set by hand."""
 _TURN_DEG_S = 45.0
@@ -109,6 +112,9 @@ def straight_parts(motion: Motion) -> list[tuple[int, int]]:
     _, velocity = pelvis_path(motion)
     speed = np.linalg.norm(velocity, axis=1)
     walking = speed > _WALKING_M_S
+    for first, end in runs(~walking & motion.present):
+        between = first > 0 and end < len(motion) and walking[first - 1] and walking[end]
+        walking[first:end] |= between and end - first <= _PAUSE_S * motion.rate_hz
     heading = np.arctan2(velocity[:, 1], velocity[:, 0])
     turning = np.zeros(len(motion))
     for first, end in runs(walking):
