@@ -10,7 +10,7 @@ from depth_pose.core.config import SegmentConfig
 from depth_pose.core.frame import DepthFrame
 from depth_pose.detect.candidates import CandidateFinder, lies_across
 from depth_pose.detect.finder import PeopleFinder
-from depth_pose.detect.turned import Turned, reduce_frame
+from depth_pose.detect.turned import NORMAL_GRID, Turned, reduce_frame
 from depth_pose.sim.scenes import sample_scene
 
 SCENES = [
@@ -44,7 +44,7 @@ def tipped(frame: DepthFrame) -> DepthFrame:
 @pytest.mark.parametrize("turns", [1, 2, 3])
 def test_the_camera_of_a_turned_image_sees_the_same_points(turns: int) -> None:
     frame = upright()
-    turned = Turned(frame, turns, 0.2).image
+    turned = Turned(frame, turns, 0.2, NORMAL_GRID).image
     plain = reduce_frame(frame)
     spin = np.linalg.matrix_power(np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), turns)
     there = turned.camera.back_project(turned.depth[: turned.rows, : turned.cols])
@@ -70,7 +70,7 @@ def test_four_quarter_turns_are_none() -> None:
     rng = np.random.default_rng(0)
     mask = rng.normal(size=(1, *image.depth.shape)).astype(np.float32)
     torso = rng.normal(size=(4, *image.depth.shape)).astype(np.float32)
-    back = Turned(upright(), 4, 0.2).back(image, mask, torso)
+    back = Turned(upright(), 4, 0.2, NORMAL_GRID).back(image, mask, torso)
     inside = np.s_[:, : image.rows, : image.cols]
     np.testing.assert_array_equal(back[0][inside], mask[inside])
     np.testing.assert_array_equal(back[1][inside], torso[inside])

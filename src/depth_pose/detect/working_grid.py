@@ -11,8 +11,9 @@ from depth_pose.core.frame import DepthFrame
 from depth_pose.detect import _reduce_kernels as kernels
 from depth_pose.detect.tuning import DetectTuning
 
-_LEAST_FOCAL = 80.0
-"""Least focal length on the grid (pixels) for which an image is reduced: at 3 m a forearm is two wide."""
+_LEAST_FOCAL = 0.44
+"""Least focal length on the grid, as a share of the required rows; wider views are reduced less. At 3 m a
+forearm is then two pixels wide."""
 
 
 def reduce_camera(camera: Camera, stride: int) -> Camera:
@@ -39,7 +40,8 @@ def reduce_frame(
     camera : Camera
     """
     camera = frame.camera
-    stride = max(1, min(round(camera.height / config.working_height), int(camera.fx / _LEAST_FOCAL)))
+    least_focal = _LEAST_FOCAL * config.working_height
+    stride = max(1, min(round(camera.height / config.working_height), int(camera.fx / least_focal)))
     if stride == 1:
         return kernels.clip_depth(frame.depth, config.near, config.far), camera
     depth = kernels.reduce_depth(frame.depth, stride, tuning.depth_jump, config.near, config.far)
