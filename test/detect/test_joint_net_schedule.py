@@ -120,15 +120,6 @@ def test_noise_moves_nobody() -> None:
     assert told == 0
 
 
-def test_a_silhouette_that_flickers_moves_nobody() -> None:
-    """Every pixel changes, some to nearer and some to farther."""
-    watcher = Watcher()
-    watcher.see(at(0.0))
-    flicker = np.where(np.indices(watcher.depth.shape).sum(axis=0) % 2, 0.2, -0.2).astype(np.float32)
-    watcher.depth = watcher.depth + flicker
-    assert watcher.see(at(0.0), moves=None) == 0 and watcher.calm == [True]
-
-
 def test_speed() -> None:
     low, high = Watcher(speed="low"), Watcher(speed="high")
     assert [low.see(at(0.0), moves=None) for _ in range(3)] == [1, 1, 1]

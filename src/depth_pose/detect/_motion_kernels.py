@@ -9,9 +9,8 @@ from depth_pose.core.kernels import njit
 def moved_area(before, labels_before, label_before, depth, labels, label, camera, least_m):
     """Return the area (m^2) of a person, now or before, whose depth has changed by more than ``least_m``.
 
-    Only pixels count with all of whose neighbours the surface has gone away, or come nearer: the noise of
-    single pixels, and of the silhouette, which does both, moves nobody. Where depth was or is missing it may
-    have done either.
+    Only pixels count all of whose neighbours have changed, too: the noise of single pixels and of the
+    silhouette moves nobody.
     """
     rows, cols = depth.shape
     area = 0.0
@@ -20,16 +19,15 @@ def moved_area(before, labels_before, label_before, depth, labels, label, camera
             is_now, was = labels[i, j] == label, labels_before[i, j] == label_before
             if not (is_now or was):
                 continue
-            nearer, farther = 0, 0
+            count = 0
             for a in range(-1, 2):
                 for b in range(-1, 2):
                     y, z = before[i + a, j + b], depth[i + a, j + b]
-                    is_one = (y > 0.0) != (z > 0.0)
-                    nearer += is_one or y - z > least_m
-                    farther += is_one or z - y > least_m
-                if max(nearer, farther) < 3 * (a + 2):
+                    if (y > 0.0) != (z > 0.0) or abs(z - y) > least_m:
+                        count += 1
+                if count < 3 * (a + 2):
                     break
-            if max(nearer, farther) == 9:
+            if count == 9:
                 z = depth[i, j] if is_now else before[i, j]
                 area += z * z / (camera.fx * camera.fy)
     return area

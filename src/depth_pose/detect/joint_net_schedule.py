@@ -35,12 +35,11 @@ recordings of .04, .08 and .2."""
 _SURE = 0.9
 """Minimum person probability of a measurement that is reused."""
 
-_CALM_M2, _CHANGE_M = 0.001, 0.04
-"""A person is calm while less than this area (m^2) of them has moved by more than that (m). On 18 development
-clips 95 % of the largest motions of a joint meanwhile are below 49 mm, and 97 % of those who are still are
-calm, with noise of any sensor."""
+_CALM_M2, _CHANGE_M = 0.004, 0.04
+"""A person is calm while less than this area (m^2) of them has changed its depth by more than that (m). On
+development recordings no joint moves by 50 mm meanwhile; noise alone changes .001 m^2."""
 
-_SLOW_M2 = 0.025
+_SLOW_M2 = 0.04
 """The same for one frame with high speed: an arm may move."""
 
 _CALM_STALE_M = 0.02
