@@ -1,4 +1,4 @@
-"""Store the weights of a net (ONNX) in 16 bits, and convert them and 8-bit integers back to 32."""
+"""Changes of a net (ONNX): weights in 16 bits and back, images of any size, integers that are copied."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ from onnx import TensorProto, helper, numpy_helper
 
 _FEW = 256
 """Tensors of fewer values stay in 32 bits."""
+
+_MOVES = ("Resize", "Slice", "Gather")
+"""Operations that copy values (the nets resize to the nearest pixel)."""
 
 
 def halve(path: Path) -> None:
@@ -81,5 +84,29 @@ def free_sides(path: Path) -> None:
     used = {name for node in graph.node for name in node.input}
     for tensor in [t for t in graph.initializer if t.name not in used]:
         graph.initializer.remove(tensor)
+    onnx.checker.check_model(model)
+    onnx.save(model, path)
+
+
+def move_integers(path: Path) -> None:
+    """Let a net copy and join integers in place of the floats that they stand for, with the same answers."""
+    model = onnx.load(path)
+    graph = model.graph
+    made_by = {name: node for node in graph.node for name in node.output}
+    for node in [n for n in graph.node if n.op_type in _MOVES]:
+        source: onnx.NodeProto | None = node
+        while source is not None and source.op_type in _MOVES:
+            source = made_by.get(source.input[0])
+        if source is None or source.op_type != "DequantizeLinear" or source.input[0] not in made_by:
+            continue
+        floats = node.output[0]
+        readers = [(n, k) for n in graph.node for k, name in enumerate(n.input) if name == floats]
+        name, at = floats, list(graph.node).index(node)
+        for kind in ("QuantizeLinear", "DequantizeLinear"):
+            given, name, at = name, f"{floats}_{kind}", at + 1
+            graph.node.insert(at, helper.make_node(kind, [given, *source.input[1:]], [name], name=name))
+            made_by[name] = graph.node[at]
+        for reader, k in readers:
+            reader.input[k] = name
     onnx.checker.check_model(model)
     onnx.save(model, path)
