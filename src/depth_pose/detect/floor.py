@@ -24,7 +24,7 @@ _FACING_DEG = 35.0
 
 _NEAR_M, _TALL_M = 0.3, 0.9
 """Maximum height of a standing person's lowest point above the plane, as the image may cut off the feet, and
-minimum height of the highest point (m). Set by hand."""
+minimum height of the highest point (m). Half and double answer the same in rooms."""
 
 LEVEL_UP = np.array([0.0, -1.0, 0.0])
 """Up as a level sensor sees it, camera frame."""
@@ -33,7 +33,7 @@ _STRAIGHT = np.cos(np.radians(10.0))
 """Least cosine between the optical axis and the vertical of a sensor that looks straight down."""
 
 _LEAST_HEIGHT_M = 0.15
-"""Least height (m) of the sensor; a nearer plane is its support; set by hand."""
+"""Least height (m) of the sensor; a nearer plane is its support. Half and double answer the same in rooms."""
 
 _BANDS_M = (0.04, 0.03, 0.02, 0.02)
 """Half the layer thickness (m) of each fitting round: above sensor noise at 4 m, below the height of a
@@ -49,7 +49,8 @@ BY_PEOPLE = "people who stand on it"
 """Source of a floor that a sensor with unknown mounting sees before it."""
 
 _TURNED_DEG, _MOVED_M = 1.0, 0.03
-"""Maximum change of the known floor's direction (degrees) and height (m), above noise; set by hand."""
+"""Maximum change of the known floor's direction (degrees) and height (m), above noise. Half and double
+answer the same in rooms."""
 
 
 @dataclass(frozen=True)

@@ -19,14 +19,15 @@ _TOLERANCE = 0.012
 """Maximum distance of a point from its plane, as a share of the range."""
 
 _WINDOW = 3
-"""Pixels around a marked one, to each side, half of which must lie on its plane; set by hand."""
+"""Pixels around a marked one, to each side, half of which must lie on its plane. Half loses .009 of the
+joints within 10 cm in rooms, double .004."""
 
 _MAX_PLANES = 10
-"""Maximum number of planes in a room; set by hand."""
+"""Maximum number of planes in a room. Half loses .004 of the joints within 10 cm, double changes nothing."""
 _SEEDS = 64
-"""Number of candidate planes, each through one point, for every plane; set by hand."""
+"""Number of candidate planes, each through one point, for each plane. Half loses .008, double is the same."""
 _SAMPLES = 2500
-"""Approximate number of image points searched for planes; set by hand."""
+"""Approximate number of image points searched for planes. Half loses .004, double .007."""
 _SEARCH_EVERY = 15
 """Frames between searches for new planes."""
 
