@@ -120,12 +120,22 @@ def test_noise_moves_nobody() -> None:
     assert told == 0
 
 
+@pytest.mark.parametrize(("speed", "told"), [("normal", 1), ("high", 0)])
+def test_with_high_speed_a_silhouette_that_flickers_moves_nobody(speed, told) -> None:
+    """Every pixel changes, some to nearer and some to farther."""
+    watcher = Watcher(speed=speed)
+    watcher.see(at(0.0))
+    flicker = np.where(np.indices(watcher.depth.shape).sum(axis=0) % 2, 0.2, -0.2).astype(np.float32)
+    watcher.depth = watcher.depth + flicker
+    assert watcher.see(at(0.0), moves=None) == told and watcher.calm == [told == 0]
+
+
 def test_speed() -> None:
     low, high = Watcher(speed="low"), Watcher(speed="high")
     assert [low.see(at(0.0), moves=None) for _ in range(3)] == [1, 1, 1]
     few = slice(0, 4)
     assert [high.see(at(0.0), moves=few) for _ in range(4)] == [1, 0, 1, 0] and high.calm == [True]
-    assert [high.see(at(0.0)) for _ in range(3)] == [1, 1, 1]
+    assert [high.see(at(0.0)) for _ in range(4)] == [1, 0, 1, 0] and high.calm == [False]
 
 
 def test_people_take_turns() -> None:

@@ -6,11 +6,12 @@ from depth_pose.core.kernels import njit
 
 
 @njit(cache=True)
-def moved_area(before, labels_before, label_before, depth, labels, label, camera, least_m):
+def moved_area(before, labels_before, label_before, depth, labels, label, camera, least_m, one_way):
     """Return the area (m^2) of a person, now or before, whose depth has changed by more than ``least_m``.
 
     Only pixels count all of whose neighbours have changed, too: the noise of single pixels and of the
-    silhouette moves nobody.
+    silhouette moves nobody. ``one_way``: all of them must have come nearer, or all gone away, since a noisy
+    silhouette does both; where depth was or is missing the surface may have done either.
     """
     rows, cols = depth.shape
     area = 0.0
@@ -19,12 +20,15 @@ def moved_area(before, labels_before, label_before, depth, labels, label, camera
             is_now, was = labels[i, j] == label, labels_before[i, j] == label_before
             if not (is_now or was):
                 continue
-            count = 0
+            changed, nearer, farther = 0, 0, 0
             for a in range(-1, 2):
                 for b in range(-1, 2):
                     y, z = before[i + a, j + b], depth[i + a, j + b]
-                    if (y > 0.0) != (z > 0.0) or abs(z - y) > least_m:
-                        count += 1
+                    is_one = (y > 0.0) != (z > 0.0)
+                    changed += is_one or abs(z - y) > least_m
+                    nearer += is_one or y - z > least_m
+                    farther += is_one or z - y > least_m
+                count = max(nearer, farther) if one_way else changed
                 if count < 3 * (a + 2):
                     break
             if count == 9:
