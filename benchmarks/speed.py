@@ -40,10 +40,10 @@ milliseconds of processor time.
 
 A simulated person, {seconds:g} s at the sensor's rate: time of flight (176x144), structured light (320x240,
 640x480), both in a room; and one, three and six people who walk about in furnished rooms (320x240,
-15 frames a second, at which the finder does not rest). Median,
-in brackets 10th and 90th percentile, once the first sizes are known; people are those who were answered, on
-average; the last column is the median of the first {first} frames, which find the sizes. Bank: {poses:,}
-poses from {views} views each. Finder and matcher rest in some frames where they can.
+15 frames a second, at which the finder does not rest). Medians, of the sum in brackets 10th and 90th
+percentile, once the first sizes are known; people are those who were answered, on average; the last column is
+the median of the first {first} frames, which find the sizes. Bank: {poses:,} poses from {views} views each.
+Finder and matcher rest in some frames where they can.
 
 {stages}
 

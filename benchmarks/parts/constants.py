@@ -158,7 +158,7 @@ def main() -> None:
     def change(pipeline: PosePipeline, *, whole: bool) -> str:
         try:
             numbers, digest = run(pipeline, clips, whole=whole)
-        except ValueError as error:
+        except (ValueError, IndexError) as error:
             return f"out of range: {error} | | | |"
         mm, share, false, switches, ms = numbers - base[whole][0]
         if digest == base[whole][1]:
