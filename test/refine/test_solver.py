@@ -57,10 +57,10 @@ CALM, DOUBTFUL = 0.4, 0.9
         (FRESH, DOUBTFUL, True, {"glance": 3, "rough": 2, "fine": 1, "vary": 1}),
         ([PREVIOUS], CALM, True, {"rough": 1, "fine": 1}),
         ([PREVIOUS, *FRESH], CALM, True, {"rough": 1, "fine": 1}),
-        ([PREVIOUS, *FRESH], DOUBTFUL, True, {"glance": 3, "rough": 3, "fine": 1, "vary": 2}),
-        ([PREVIOUS, *FRESH], 0.0, False, {"glance": 3, "rough": 4, "fine": 1, "vary": 2}),
+        ([PREVIOUS, *FRESH], DOUBTFUL, True, {"glance": 3, "rough": 3, "fine": 1, "vary": 1}),
+        ([PREVIOUS, *FRESH], 0.0, False, {"glance": 3, "rough": 4, "fine": 1, "vary": 1}),
         ([PREVIOUS], DOUBTFUL, True, {"rough": 1, "fine": 1, "vary": 1}),
-        ([start(0.28, "previous"), *FRESH], 0.0, False, {"glance": 3, "rough": 4, "fine": 1, "vary": 2}),
+        ([start(0.285, "previous"), *FRESH], 0.0, False, {"glance": 3, "rough": 4, "fine": 1, "vary": 2}),
         ([start(0.28, "carried")], 0.0, False, {"rough": 1, "fine": 1, "vary": 1}),
     ],
 )

@@ -80,25 +80,25 @@ class Fits(NamedTuple):
 
 
 @njit(cache=True)
-def fit_start(target, body, settings, sigmas, skinned, criteria, fits, s):
-    """Fit a body from start ``s``; pose the whole skin, and score it."""
-    rotations, root, scale = fits.rotations[s], fits.roots[s], fits.scales[s]
-    vertices, nodes = fits.vertices[s], fits.nodes[s]
-    fit(target, body, settings, sigmas, scale, rotations, root)
-    skin(skinned, rotations, root, scale, vertices, nodes)
-    score_body(criteria, vertices, skinned.faces, nodes, scale, fits.scores[s])
+def fit_best(target, body, settings, glance, rough, skinned, criteria, count, fits):
+    """Fit roughly the ``count`` starts that are best after a glance; return the number of the best fit.
 
-
-@njit(cache=True)
-def fit_best(target, body, settings, levels, skinned, criteria, count, fits):
-    """Fit roughly the ``count`` starts that are best after a glance; return the number of the best fit."""
-    for s in range(fits.scales.shape[0]):
-        fit_start(target, body, settings, levels.glance, skinned, criteria, fits, s)
-    glances, best = fits.scores[:, 0].copy(), -1
-    for _ in range(min(count, glances.shape[0])):
-        s = int(np.argmin(glances))
-        glances[s] = np.inf
-        fit_start(target, body, settings, levels.rough, skinned, criteria, fits, s)
-        if best < 0 or fits.scores[s, 0] < fits.scores[best, 0]:
-            best = s
+    Each fit poses the whole skin and is scored. Without levels for a glance the first starts are fitted.
+    """
+    starts = fits.scales.shape[0]
+    glances, best = np.zeros(starts), -1
+    for k in range(0 if glance.shape[0] > 0 else starts, starts + min(count, starts)):
+        is_glance = k < starts
+        s = k if is_glance else int(np.argmin(glances))
+        rotations, root, scale = fits.rotations[s], fits.roots[s], fits.scales[s]
+        vertices, nodes, score = fits.vertices[s], fits.nodes[s], fits.scores[s]
+        fit(target, body, settings, glance if is_glance else rough, scale, rotations, root)
+        skin(skinned, rotations, root, scale, vertices, nodes)
+        score_body(criteria, vertices, skinned.faces, nodes, scale, score)
+        if is_glance:
+            glances[s] = score[0]
+        else:
+            glances[s] = np.inf
+            if best < 0 or score[0] < fits.scores[best, 0]:
+                best = s
     return best

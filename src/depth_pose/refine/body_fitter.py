@@ -14,16 +14,19 @@ from depth_pose.body.build import KEPT, BuildSpace, build_space
 from depth_pose.body.coarsen import coarsen
 from depth_pose.body.pose import BodyPose, FittedBody
 from depth_pose.core.skeleton import NODES, Nodes
-from depth_pose.refine._score_kernels import Criteria, Fits, fit_best, fit_start
+from depth_pose.refine._score_kernels import Criteria, Fits, fit_best
 from depth_pose.refine.articulated import ArticulatedFitter
 from depth_pose.refine.objective import Objective, Score
-from depth_pose.refine.solver import Hypothesis, Problem, ScoredFit, Source
+from depth_pose.refine.solver import Hypothesis, Problem, ScoredFit
 from depth_pose.refine.tuning import FitTuning
 from depth_pose.track.person_view import PersonView
 from depth_pose.track.target import FitTarget
 
 _VERTICES = 1000
 """Number of body vertices used in glances and rough fits, about half of all; no less accurate than all."""
+
+_NO_GLANCE = np.zeros(0)
+"""Standard deviations of a glance at a single start: none."""
 
 Vary = Callable[[FittedBody], list[Hypothesis]]
 
@@ -73,25 +76,31 @@ class ArticulatedFits:
 
     def rough(self, start: Hypothesis) -> ScoredFit:
         """Run a rough fit, precise enough to choose between a few starts."""
-        return self._fit(self._coarse, self._coarse.levels.rough, start)
+        return self._fit(self._coarse, [start], _NO_GLANCE, self._coarse.levels.rough, 1)
 
     def best(self, starts: Sequence[Hypothesis], count: int) -> ScoredFit:
         """Return the best of the rough fits of the ``count`` starts that are best after a glance."""
-        fits, few, skin = self._begin(starts), self._coarse, self._fine.body.skin
-        k = fit_best(
-            self._target, few.articulation, few.settings, few.levels, skin, self._criteria, count, fits
-        )
-        return _scored(fits, k, starts[k].source)
+        levels = self._coarse.levels
+        return self._fit(self._coarse, starts, levels.glance, levels.rough, count)
 
     def fine(self, fitted: ScoredFit) -> ScoredFit:
         """Refine a rough fit to full precision."""
         start = Hypothesis(fitted.body.pose, fitted.source)
-        return self._fit(self._fine, self._fine.levels.fine, start)
+        return self._fit(self._fine, [start], _NO_GLANCE, self._fine.levels.fine, 1)
 
-    def _fit(self, fitter: ArticulatedFitter, sigmas: NDArray[np.float64], start: Hypothesis) -> ScoredFit:
-        fits, skin = self._begin([start]), self._fine.body.skin
-        fit_start(self._target, fitter.articulation, fitter.settings, sigmas, skin, self._criteria, fits, 0)
-        return _scored(fits, 0, start.source)
+    def _fit(
+        self,
+        fitter: ArticulatedFitter,
+        starts: Sequence[Hypothesis],
+        glance: NDArray[np.float64],
+        sigmas: NDArray[np.float64],
+        count: int,
+    ) -> ScoredFit:
+        fits, skin, body = self._begin(starts), self._fine.body.skin, fitter.articulation
+        s = fit_best(self._target, body, fitter.settings, glance, sigmas, skin, self._criteria, count, fits)
+        pose = BodyPose(fits.rotations[s], fits.roots[s], float(fits.scales[s]))
+        fitted = FittedBody(pose, fits.vertices[s], Nodes(fits.nodes[s]))
+        return ScoredFit(fitted, Score(*fits.scores[s].tolist()), starts[s].source)
 
     def _begin(self, starts: Sequence[Hypothesis]) -> Fits:
         """Return the arrays of fits, with the starts."""
@@ -101,13 +110,6 @@ class ArticulatedFits:
         for s, (pose, _) in enumerate(starts):
             fits.rotations[s], fits.roots[s], fits.scales[s] = pose.rotations, pose.root, pose.scale
         return fits
-
-
-def _scored(fits: Fits, s: int, source: Source) -> ScoredFit:
-    """Return one of several fits."""
-    pose = BodyPose(fits.rotations[s], fits.roots[s], float(fits.scales[s]))
-    body = FittedBody(pose, fits.vertices[s], Nodes(fits.nodes[s]))
-    return ScoredFit(body, Score(*fits.scores[s].tolist()), source)
 
 
 class BodyFitter:
