@@ -3,12 +3,14 @@
     depth-pose simulate --room --people 2 --cameras 2 --seconds 60 --width 320 --seed 1 -o rooms/pair1.mcap
     python benchmarks/rooms.py calibration rooms/ --seconds 20 60
     python benchmarks/rooms.py fusion rooms/
+    python benchmarks/rooms.py constants rooms/ --only merge room_person
 
 ``calibration``: for each NAME.yaml of a folder, the true rig, calibrates NAME_0.mcap, NAME_1.mcap and so on;
 prints how far each camera is off against the first: mean displacement of points where people were (0 to 1.8 m
 above the floor), of the camera itself, and the turn; beside what the calibration states itself. ``fusion``:
 errors of joints hidden from a camera and seen by it, from that camera alone and from several, on the same
-people at the same moments; found people, ids, and the time of the fusion.
+people at the same moments; found people, ids, and the time of the fusion. ``constants``: each number of the
+fusion and of the calibration halved and doubled, and what that changes.
 """
 
 from __future__ import annotations
@@ -17,6 +19,8 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+from parts.displacement import displacement
+from parts.room_constants import sweep
 from parts.room_fusion import fusion
 
 from depth_pose.bank import default_bank_path
@@ -24,25 +28,6 @@ from depth_pose.cli.rooms import read_all
 from depth_pose.core.errors import InputError
 from depth_pose.rooms.calibration import RoomCalibration
 from depth_pose.rooms.calibration_record import RecordSetting
-from depth_pose.rooms.calibration_result import Calibration
-
-HEIGHTS_M = (0.0, 0.9, 1.8)
-"""Heights of the points whose displacement is measured, metres."""
-
-
-def displacement(found: Calibration, truth: dict[str, np.ndarray], camera: int) -> tuple[float, float, float]:
-    """Return how far a camera is off against the first: points (mm), its place (mm), its turn (degrees)."""
-    T_camera_world = truth["T_camera_world"].astype(np.float64)
-    true = T_camera_world[0] @ np.linalg.inv(T_camera_world[camera])
-    T = np.linalg.inv(found.T_room_camera[0]) @ found.T_room_camera[camera]
-    off = T @ np.linalg.inv(true)
-    spots = truth["joints"][::15, :, 0].reshape(-1, 3)
-    spots = spots[np.isfinite(spots).all(axis=1)]
-    points = np.concatenate([np.column_stack([spots[:, :2], np.full((len(spots), 1), h)]) for h in HEIGHTS_M])
-    points = points @ T_camera_world[0, :3, :3].T + T_camera_world[0, :3, 3]
-    moved = np.linalg.norm(points @ off[:3, :3].T + off[:3, 3] - points, axis=1).mean()
-    turned = np.degrees(np.arccos(np.clip((np.trace(off[:3, :3]) - 1.0) / 2.0, -1.0, 1.0)))
-    return 1e3 * moved, 1e3 * float(np.linalg.norm((T - true)[:3, 3])), float(turned)
 
 
 def calibration(folder: Path, seconds: list[float], names: list[str]) -> None:
@@ -90,9 +75,15 @@ def main() -> None:
     two.add_argument("folder", type=Path)
     two.add_argument("--rigs", type=Path, help="folder of rig files in place of the true ones")
     two.add_argument("--names", nargs="*", default=[], help="rooms, by default all")
+    three = parts.add_parser("constants")
+    three.add_argument("folder", type=Path)
+    three.add_argument("--seconds", type=float, default=20.0, help="of the calibration")
+    three.add_argument("--only", nargs="*", default=[""], help="beginnings of names")
     given = parser.parse_args()
     if given.part == "calibration":
         calibration(given.folder, given.seconds, given.names)
+    elif given.part == "constants":
+        sweep(given.folder, given.seconds, given.only)
     else:
         fusion(given.folder, given.names, given.rigs)
 

@@ -41,6 +41,7 @@ COMMANDS = [
     ("drivers.py",),
     ("archives.py",),
     *(("angles.py", part) for part in ("angles", "gait")),
+    *(("rooms.py", part) for part in ("calibration", "fusion", "constants")),
     *(("rooms_live.py", part) for part in ("merged", "live")),
     *(("volume.py", part) for part in ("dances", "live")),
     *(("banks.py", part) for part in ("match", "size", "views", "score", "coverage")),

@@ -72,9 +72,9 @@ def tuned() -> Iterator[tuple[str, str, str, float]]:
                 yield f"{stage}.{field}", stage, field, value
 
 
-def constants() -> Iterator[tuple[str, ModuleType, str, float]]:
+def constants(folders: tuple[str, ...] = FIRST + LATER) -> Iterator[tuple[str, ModuleType, str, float]]:
     """Give the numbers that modules define: name, module, variable and value."""
-    for folder in FIRST + LATER:
+    for folder in folders:
         package = import_module(f"depth_pose.{folder}")
         for found in pkgutil.iter_modules(package.__path__):
             if not found.name.endswith("kernels"):

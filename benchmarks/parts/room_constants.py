@@ -1,0 +1,122 @@
+"""Constants of several cameras: each one halved and doubled, and what that changes: `benchmarks/rooms.py`.
+
+Every number that a module of ``depth_pose.rooms`` defines is a row. Of each room the cameras' recordings are
+run and recorded once; then a value is changed, the skeletons are fused (one body fitted to all; merged by
+covariances), and the cameras calibrated. The columns: mean error (mm) and found people of both fusions, false
+people of both, and how far the cameras are off (mm). What watches cameras live, by the clock, does nothing
+here.
+"""
+
+from __future__ import annotations
+
+import pickle
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+
+from depth_pose.bank import Bank, default_bank_path
+from depth_pose.cli.rooms import read_all
+from depth_pose.core.config import PipelineConfig
+from depth_pose.core.errors import InputError
+from depth_pose.io.image_options import ImageOptions
+from depth_pose.rooms.calibration import RoomCalibration
+from depth_pose.rooms.calibration_record import RecordSetting
+from depth_pose.rooms.rigfile import Rig, load_rig
+from depth_pose.rooms.watching import Watch, Watched, watch_all
+from parts.constants import FACTORS, changed, constants, times
+from parts.displacement import displacement
+from parts.room_fusion import fitted, merged, scored
+
+HEAD = "fit mm | found | merged mm | found | false | cameras mm |"
+"""Columns of a change."""
+
+
+@dataclass(frozen=True)
+class Room:
+    """A simulated room: its true rig and people, each camera's run, and the records of a calibration."""
+
+    rig: Rig
+    truth: Mapping[str, np.ndarray]
+    watched: list[Watched]
+    records: bytes
+    """Pickled: a calibration writes into them."""
+
+    def numbers(self, bank: Bank) -> tuple[np.ndarray, str]:
+        """Return the numbers of the columns, and a digest of everything."""
+        cameras = range(len(self.rig.cameras))
+        answers = [how for how, _ in (fitted(bank, self.rig, self.watched), merged(self.rig, self.watched))]
+        digest, scores = sha256(), [scored(how, self.truth, cameras) for how in answers]
+        for how in answers:
+            for skeletons in how.values():
+                for skeleton in skeletons:
+                    digest.update(f"{skeleton.body_id} {skeleton.confidence}".encode())
+                    digest.update(skeleton.positions.tobytes())
+        try:
+            found = RoomCalibration(pickle.loads(self.records)).solve()
+            digest.update(found.T_room_camera.tobytes() + found.deviation_m.tobytes())
+            off = float(np.mean([displacement(found, self.truth, c)[0] for c in cameras[1:]]))
+        except InputError as error:
+            digest.update(str(error).encode())
+            off = float("nan")
+        fit, merge = scores
+        columns = [
+            fit.mean_error_mm,
+            fit.recall,
+            merge.mean_error_mm,
+            merge.recall,
+            fit.false + merge.false,
+            off,
+        ]
+        return np.array(columns), digest.hexdigest()
+
+
+def load_rooms(folder: Path, seconds: float, stack: ExitStack) -> Iterator[Room]:
+    """Run and record every simulated room of a folder."""
+    for file in sorted(folder.glob("*.yaml")):
+        truth = dict(np.load(file.with_suffix(".npz")))
+        rig = load_rig(file)
+        recordings = sorted(folder.glob(f"{file.stem}_?.mcap"))
+        spools = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        watch = Watch(default_bank_path(), PipelineConfig(), None, ImageOptions())
+        watched = watch_all(recordings, watch, spools, 0)
+        settings = [RecordSetting(str(default_bank_path()), None, seconds)] * len(recordings)
+        read = read_all(recordings, [path.stem for path in recordings], settings, None)
+        yield Room(rig, truth, watched, pickle.dumps([one.record for one in read]))
+
+
+def sweep(folder: Path, seconds: float, only: list[str]) -> None:
+    """Print a table."""
+    bank = Bank.load(default_bank_path())
+    with ExitStack() as stack:
+        rooms = list(load_rooms(folder, seconds, stack))
+
+        def measure() -> tuple[np.ndarray, list[str]]:
+            numbers, digests = zip(*[room.numbers(bank) for room in rooms], strict=True)
+            return np.mean(numbers, axis=0), list(digests)
+
+        base, digests = measure()
+        print("{:.1f} mm, {:.3f} found; merged {:.1f} mm, {:.3f}; {:.1f} false; cameras {:.1f} mm off; half, "
+              "double:".format(*base))  # fmt: skip
+        print(f"| | value | {HEAD} {HEAD}\n|{'---|' * 14}", flush=True)
+
+        def change() -> str:
+            try:
+                numbers, now = measure()
+            except (ValueError, IndexError) as error:
+                return f"out of range: {error} | | | | |"
+            if now == digests:
+                return "same | | | | |"
+            return "{:+.1f} | {:+.3f} | {:+.1f} | {:+.3f} | {:+.1f} | {:+.1f}".format(*(numbers - base))
+
+        for name, module, variable, value in constants(("rooms",)):
+            if name.removeprefix("rooms.").startswith(tuple(only)):
+                told = []
+                for factor in FACTORS:
+                    with changed(module, variable, times(value, factor)):
+                        told.append(change())
+                print(f"| {name} | {value:g} | {' | '.join(told)} |", flush=True)
