@@ -34,7 +34,7 @@ _JUDGED_POINTS = 4000
 """Number of points that tell the axes."""
 
 _IN_VIEW, _OUT_OF_VIEW = 0.9, 0.5
-"""Share of the points in view of the right axes, and the maximum of the wrong ones; set by hand."""
+"""Minimum share of the points in view with the right axes, and maximum with wrong ones; set by hand."""
 
 _FIT_TOLERANCE_PX = 0.5
 """Maximum root mean square error (pixels) of a cloud's fit to a pinhole camera."""

@@ -29,7 +29,8 @@ _TAKEN = (8, 4)
 """Number of these that are compared, and number with left and right exchanged."""
 
 _EVEN = 0.25
-"""Weight offset: joints with half the expected error of even confidence get half the maximum weight."""
+"""Offset in the weight of a joint; a joint whose expected error is half of one with confidence .5 gets half
+of the maximum weight."""
 
 
 class ProposedExemplars:

@@ -313,7 +313,7 @@ def _in_sofa(figure: Figure, rng: np.random.Generator) -> Settled:
 
 
 def _sofa_front(figure: Figure, back: float, rng: np.random.Generator) -> float:
-    """Return where a seat ends, z: before the shanks, metres."""
+    """Return the z of a seat's front edge, which is before the shanks, metres."""
     points = figure.vertices[figure.vertices[:, 1] < figure.seat_height - 0.1]
     shanks = float(np.quantile(points[:, 2], 0.02)) if len(points) else 0.3
     return max(min(back + rng.uniform(0.5, 0.7), shanks - 0.01), back + 0.3)
