@@ -29,8 +29,8 @@ _CALM = 0.5
 is tried; swept from .35 to .8: accuracy falls and speed rises throughout."""
 
 _NEAR = 0.02
-"""Limbs of a fit are turned if its score is at most this much above the best one's. With 0 the error of people
-below a ceiling rises by 4 %; without a limit it stays the same."""
+"""Limbs of a fit are turned if its score is at most this much above the best one's. With 0 the error of
+people below a ceiling rises by 4 %; without a limit it stays the same."""
 
 _BY_SCORE = attrgetter("terms.total")
 
