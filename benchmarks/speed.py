@@ -39,11 +39,10 @@ milliseconds of processor time.
 ## The pipeline
 
 A simulated person, {seconds:g} s at the sensor's rate: time of flight (176x144), structured light (320x240,
-640x480), both in a room; and one, three and six people who walk about in furnished rooms (320x240,
-15 frames a second, at which the finder does not rest). Medians, of the sum in brackets 10th and 90th
-percentile, once the first sizes are known; people are those who were answered, on average; the last column is
-the median of the first {first} frames, which find the sizes. Bank: {poses:,} poses from {views} views each.
-Finder and matcher rest in some frames where they can.
+640x480), both in a room; and one, three and six who walk about in furnished rooms (320x240, 15 frames a
+second). Stages are means, sums medians with the 10th and 90th percentile, once the first sizes are known; the
+last column is the first {first} frames, which find the sizes. People are those answered.
+Bank: {poses:,} poses from {views} views each.
 
 {stages}
 
@@ -81,18 +80,18 @@ def draw(measured: list[stages.StageTimes], compared: list[peers.Peer], path: Pa
     """Draw the stages as stacked bars, and the comparisons."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11, 4.2), layout="constrained")
+    figure = Figure(figsize=(12, 5), layout="constrained")
     left, right = figure.subplots(1, 2)
-    names = [f"{m.images}, {m.people.max()}\n{m.method}" for m in measured]
+    names = [f"{m.images}, {m.people.max()}, {m.method}" for m in measured]
     rows, start = np.arange(len(measured)), np.zeros(len(measured))
     for k, stage in enumerate(stages.STAGES):
-        wide = np.array([np.median(m.known[:, k]) for m in measured])
+        wide = np.array([np.mean(m.known[:, k]) for m in measured])
         left.barh(rows, wide, left=start, label=stage)
         start += wide
     for y, total in enumerate(start):
         left.text(total + 0.5, y, f"{total:.0f}", va="center", fontsize=8)
-    left.set(xlabel="ms of processor time a frame, medians", title="the pipeline, one thread")
-    left.set_yticks(rows, names)
+    left.set(xlabel="ms of processor time a frame, means", title="the pipeline, one thread")
+    left.set_yticks(rows, names, fontsize=7)
     left.set_xlim(0, 1.1 * start.max())
     left.invert_yaxis()
     left.legend(fontsize=8, loc="upper right")

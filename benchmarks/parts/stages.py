@@ -1,10 +1,10 @@
 """Processor time of every stage, single thread: three image sizes, all methods; one, three, six people.
 
-A table in Markdown: milliseconds a frame, medians, of the sum in brackets the 10th and 90th percentile,
-once the first sizes are known; and the median while they are being found. ``finder`` is the learned people
-finder, ``joint net`` the net that measures joints, ``denoise`` the locally optimal projection, and ``tracks``
-the rest of the first stage: masks, ids, floor, views. A person's share is the sum divided by the number of
-people answered, the finder included.
+A table in Markdown: milliseconds a frame once the first sizes are known, means of the stages, and the sum's
+median with the 10th and 90th percentile; last the sum's median while sizes are being found. ``finder`` is the
+learned people finder, ``joint net`` the net that measures joints, ``denoise`` the locally optimal projection,
+and ``tracks`` the rest of the first stage: masks, ids, floor, views. A person's share is the sum divided by
+the number of people answered, the finder included.
 """
 
 from __future__ import annotations
@@ -195,7 +195,7 @@ def table(measured: list[StageTimes]) -> str:
         first = np.median(m.times[: MatchTuning().scale_frames].sum(axis=1))
         share = np.median(total[people > 0] / people[people > 0]) if people.any() else np.nan
         cells = [m.images, f"{people.mean():.1f}", m.method]
-        cells += [f"{value:.1f}" for value in np.median(m.known, axis=0)]
+        cells += [f"{value:.1f}" for value in np.mean(m.known, axis=0)]
         cells += [f"**{_cell(total)}**", f"{share:.1f}", f"{first:.1f}"]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
