@@ -3,6 +3,7 @@
     python benchmarks/angles.py angles           # four motions, four views, three distances
     python benchmarks/angles.py gait             # straight walks, four views, two distances
     python benchmarks/angles.py angles --joints  # also deviations of joints by kind and confidence
+    python benchmarks/angles.py constants        # numbers of the report halved and doubled
 
 People, motions and noise are simulated before the time-of-flight sensor and a wall (angles), or a
 sensor of 320 x 240 pixels (gait), and followed from the first frame with the default bank. Angles and
@@ -20,6 +21,7 @@ from pathlib import Path
 import numpy as np
 import one_thread  # noqa: F401
 from command_line import make_parser
+from parts.analysis_constants import Known, sweep, true_sway
 from parts.builds import sample_person
 
 from depth_pose.analysis import analyse_recording
@@ -35,7 +37,7 @@ from depth_pose.motion.procedural.generator import make_clip
 from depth_pose.offline import process_recording
 from depth_pose.pipeline import PosePipeline
 from depth_pose.sim.config import Placement, Room
-from depth_pose.sim.function import walk_straight
+from depth_pose.sim.function import FUNCTION_CLIPS, walk_straight
 from depth_pose.sim.sensor import SENSORS, SensorModel
 from depth_pose.sim.simulate import Stage, simulate
 
@@ -218,17 +220,40 @@ def gait(_: argparse.Namespace, folder: Path) -> None:
         print(f"| {view} | {distance} m | " + " | ".join(cells) + " |")
 
 
+def functions(follower: Follower) -> Iterator[tuple[str, Path, Path]]:
+    """Yield motion, truth and skeletons of people who rise from a chair or stand still."""
+    sensor: SensorModel = SENSORS["kinect_v1"].with_width(320)
+    for motion, seconds in (("sit_to_stand", 22.0), ("stand_still", 12.0)):
+        for k, view in enumerate(("front", "oblique")):
+            clip = FUNCTION_CLIPS[motion](sensor.fps, seconds, k)
+            placement = Placement(distance=3.2, azimuth=VIEWS[view], height=1.2, pitch=8.0)
+            yield motion, *follower.follow(f"{motion}_{view}", clip, k, Stage(sensor, placement))
+
+
+def report_constants(arguments: argparse.Namespace, folder: Path) -> None:
+    """Halve and double the numbers of the report."""
+    follower, recordings = Follower(folder), []
+    for _, _, cadence, truth, skeletons in walks(follower):
+        step = true_step(np.load(truth)["joints"].astype(float), cadence, 30.0)
+        recordings.append(Known(skeletons, 1.2, 8.0, cadence=cadence, step=step))
+    for motion, truth, skeletons in functions(follower):
+        shown = {"rises": 5.0} if motion == "sit_to_stand" else {"sway": true_sway(truth)}
+        recordings.append(Known(skeletons, 1.2, 8.0, **shown))
+    sweep(recordings, arguments.only)
+
+
 def main() -> None:
     """Simulate, follow and report."""
     parser = make_parser(__doc__)
-    parser.add_argument("part", choices=("angles", "gait"))
+    parser.add_argument("part", choices=("angles", "gait", "constants"))
     parser.add_argument("--joints", action="store_true")
+    parser.add_argument("--only", nargs="*", default=[""], help="constants: beginnings of names")
     parser.add_argument("--folder", type=Path)
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         kept = arguments.folder or Path(folder)
         kept.mkdir(parents=True, exist_ok=True)
-        {"angles": angles, "gait": gait}[arguments.part](arguments, kept)
+        {"angles": angles, "gait": gait, "constants": report_constants}[arguments.part](arguments, kept)
 
 
 if __name__ == "__main__":

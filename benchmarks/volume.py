@@ -3,6 +3,7 @@
     python benchmarks/volume.py dances accuracy --out docs/images   # tables and plots, about ten minutes
     python benchmarks/volume.py dances depth --out docs/images      # 1, 2 and 4 depth cameras, ten minutes
     python benchmarks/volume.py dances cost                         # time by voxel, particles, cameras
+    python benchmarks/volume.py dances constants --dance swing      # numbers halved and doubled
     python benchmarks/volume.py live                                # the node, with models of the first
 
 ``volume.py PART --help`` says more.

@@ -25,6 +25,7 @@ from hashlib import sha256
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 from command_line import make_parser
@@ -81,8 +82,17 @@ def constants(folders: tuple[str, ...] = FIRST + LATER) -> Iterator[tuple[str, M
                 module = import_module(f"depth_pose.{folder}.{found.name}")
                 for name in defined(module):
                     value = getattr(module, name)
-                    if name.isupper() and type(value) in (int, float) and value:
+                    if name.isupper() and is_number(value):
                         yield f"{folder}.{found.name}.{name}", module, name, value
+
+
+def is_number(value: object) -> bool:
+    """Check that a value can be halved and doubled: a number other than 0, or a pair of them."""
+    return (
+        all(map(is_number, value)) and len(value) == 2
+        if isinstance(value, tuple)
+        else type(value) in (int, float, np.float64) and bool(value)
+    )
 
 
 def defined(module: ModuleType) -> Iterator[str]:
@@ -194,5 +204,8 @@ def rebuilt(bank: Bank, module: ModuleType, variable: str, value: float) -> Iter
             yield PosePipeline(bank)
 
 
-def times(value: float, factor: float) -> float:
+def times(value: Any, factor: float) -> Any:
+    """Return a number, or both of a pair, times a factor; counts stay whole."""
+    if isinstance(value, tuple):
+        return tuple(times(part, factor) for part in value)
     return max(1, round(factor * value)) if isinstance(value, int) else factor * value

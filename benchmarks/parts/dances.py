@@ -3,6 +3,7 @@
     python benchmarks/volume.py dances accuracy --out docs/images   # tables and plots, about ten minutes
     python benchmarks/volume.py dances depth --out docs/images      # 1, 2 and 4 depth cameras, ten minutes
     python benchmarks/volume.py dances cost                         # time by voxel, particles, cameras
+    python benchmarks/volume.py dances constants --dance swing      # numbers halved and doubled
 
 Training uses ten performances of each dance, 350 frames in all, on wearers of three builds; the test uses 300
 frames each of three other people in other garments, in other performances. Prints tables in Markdown.
@@ -40,6 +41,7 @@ from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.pipeline import VolumePipeline
 from depth_pose.volume.synchroniser import ViewSet
 from depth_pose.volume.tuning import LearnTuning
+from parts.constants import FACTORS, changed, constants, times
 
 TEST_SEEDS = (11, 12, 13)
 """Performances of the three test dancers; training uses 1 to 10, settings were chosen on 101, 102."""
@@ -235,6 +237,36 @@ def add_cost(rows: list[list[str]], name: str, times: list[tuple[float, float]])
     return middle
 
 
+def sweep(dances: list[str], only: list[str]) -> None:
+    """Halve and double the numbers of the learning and of the tracker; print the changes of the error."""
+    rig = roof_rig()
+    tests = {dance: watch_all(dance, rig_eyes("silhouettes", rig)) for dance in dances}
+    views = {d: simulate_views(dance_clips(d), default_wearers(), rig=rig) for d in dances}
+
+    def error() -> float:
+        angles = []
+        for dance in dances:
+            model = learn_model(views[dance], LearnConfig())
+            angles += [track_performance(model, p).fitted.angle_deg for p in tests[dance]]
+        return float(np.mean(angles))
+
+    base, rows = error(), []
+    for name, module, variable, value in constants(("volume", "volume.learn")):
+        if not name.removeprefix("volume.").startswith(tuple(only)):
+            continue
+        changes = []
+        for factor in FACTORS:
+            with changed(module, variable, times(value, factor)):
+                try:
+                    changes.append(f"{error() - base:+.2f}")
+                except (ValueError, IndexError) as failure:
+                    changes.append(f"out of range: {failure}")
+        rows.append([name, f"{value}", *changes])
+        print(" | ".join(rows[-1]), flush=True)
+    print(f"\n{base:.2f}°; change:")
+    table([["", "value", "half", "double"], *rows])
+
+
 def draw_cost(points, path: Path) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -259,14 +291,17 @@ def draw_cost(points, path: Path) -> None:
 
 def main() -> None:
     parser = make_parser(__doc__)
-    parser.add_argument("what", choices=("accuracy", "depth", "cost"))
+    parser.add_argument("what", choices=("accuracy", "depth", "cost", "constants"))
     parser.add_argument("--out", type=Path, default=Path("volume_plots"), help="folder for the plots")
     parser.add_argument("--models", type=Path, default=Path("volume_models"), help="folder for the models")
     parser.add_argument("--dance", action="append", choices=list(DANCES), help="only this one")
+    parser.add_argument("--only", nargs="*", default=[""], help="constants: beginnings of names")
     given = parser.parse_args()
     if given.what == "accuracy":
         accuracy(given.out, given.models, given.dance or list(DANCES))
     elif given.what == "depth":
         depth_accuracy(given.out, given.models, given.dance or list(DANCES))
+    elif given.what == "constants":
+        sweep(given.dance or list(DANCES), given.only)
     else:
         cost(given.models, given.out)

@@ -30,7 +30,7 @@ from depth_pose.track.tracked_person import TrackedPerson
 from depth_pose.track.tracks import PeopleTracks
 
 _FLOOR_EVERY_NS = 1_000_000_000
-"""Time from one search for the floor to the next (ns); set by hand."""
+"""Time from one search for the floor to the next (ns)."""
 
 _METHODS: dict[str, Callable[..., Segmenter]] = {
     "learned": lambda config, tuning, threads: LearnedSegmenter(config, tuning=tuning, threads=threads),

@@ -34,17 +34,17 @@ from depth_pose.pipeline import PosePipeline
 from depth_pose.track.label_image import LabelImage
 
 _LEAST_STEP_NS = 100_000
-"""Integer times closer than this (10 kHz) are frame numbers or other units, not nanoseconds. Set by hand."""
+"""Integer times closer than this (10 kHz) are frame numbers or other units, not nanoseconds."""
 
 
 _MOST_S = 9e9
 """Latest time (s): what 64 bits of nanoseconds hold."""
 
 _MOST_CENTIMETRES = 800.0
-"""Largest median of depths that may be centimetres. Set by hand."""
+"""Largest median of depths that may be centimetres."""
 
 _LEAST_SECONDS = 0.005
-"""Maximum step (s) of a floating-point time. Set by hand."""
+"""Maximum step (s) of a floating-point time."""
 
 _CAMERA_CALL = "depth_pose.Camera.from_matrix(K, width=640, height=480)"
 

@@ -32,7 +32,7 @@ ENDING = ".mcap"
 
 _MOST_GAP_NS = 1_000_000_000
 """Maximum gap between the parts of one recording, nanoseconds: rosbag2 leaves none, separate recordings
-have longer ones. Set by hand."""
+have longer ones."""
 
 
 @dataclass(frozen=True)

@@ -37,11 +37,11 @@ if TYPE_CHECKING:
     from depth_pose.pipeline import PosePipeline
 
 _BLOCK = 1 << 20
-"""Size of a block: 1 MiB. Set by hand."""
+"""Size of a block: 1 MiB."""
 _BLOCKS = 8
 """Number of blocks of 1 MiB that are hashed in larger files, including the first and the last."""
 _TELL_EVERY_S = 0.5
-"""Minimum time between two progress reports, seconds. Set by hand."""
+"""Minimum time between two progress reports, seconds."""
 
 
 @dataclass(frozen=True)

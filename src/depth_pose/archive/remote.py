@@ -22,16 +22,16 @@ from depth_pose.core.errors import ConfigError, InputError
 _URL = re.compile(r"[a-z][a-z0-9+.-]+://", re.IGNORECASE)
 
 SPARE_BYTES = 256 << 20
-"""Space left free in the folder for temporary files, which other programs use too. Set by hand."""
+"""Space left free in the folder for temporary files, which other programs use too."""
 
 SILENT_S = 60.0
-"""Maximum silence of a server (s); the whole copy may take any time. Set by hand."""
+"""Maximum silence of a server (s); the whole copy may take any time."""
 
 _LEAST_RATE = 1000
-"""Minimum rate of a copy (bytes/s) after `SILENT_S`; a slower one fails. Set by hand."""
+"""Minimum rate of a copy (bytes/s) after `SILENT_S`; a slower one fails."""
 
 LISTED_S, MOST_LISTED_BYTES = 300.0, 64 << 20
-"""Maximum time to list a folder (s), and maximum size of the list: half a million names. Set by hand."""
+"""Maximum time to list a folder (s), and maximum size of the list: half a million names."""
 
 
 def is_remote(text: str) -> bool:

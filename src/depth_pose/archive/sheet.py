@@ -20,7 +20,7 @@ SHEET = "sheet.png"
 _MOST_PANELS = 24
 """Maximum number of recordings on the picture, for readability."""
 _LOOK_AT = 200
-"""Number of frames from which the one to show is chosen; reading more would take too long. Set by hand."""
+"""Number of frames from which the one to show is chosen; reading more would take too long."""
 
 
 def save_archive_sheet(

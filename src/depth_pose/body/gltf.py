@@ -34,12 +34,12 @@ _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126:
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 """Numbers in an element of each type, by the glTF 2.0 specification."""
 _SAME = 1e-5
-"""Vertices closer than this share of the body's size are merged: about 0.01 mm. Set by hand."""
+"""Vertices closer than this share of the body's size are merged: about 0.01 mm."""
 
 
 _MOST_BYTES = 1 << 28
 """Size limit of a file and of its buffers together (bytes): 256 MiB; people in games and films have 1 to 50
-MiB. Set by hand, as all limits here."""
+MiB."""
 _MOST_VERTICES = 1_000_000
 """Maximum number of vertices; people have 5,000 to 200,000."""
 _MOST_BONES, _MOST_NODES, _MOST_DEPTH = 2000, 100_000, 1000

@@ -55,13 +55,13 @@ _AXES = np.stack([_FORWARD, _LEFT, _UP], axis=1)
 
 _STRAIGHT = 0.15
 """Relative weight of the segment's own twist; the bend direction dominates above 9 degrees, since a straight
-limb has no bend plane. Set by hand."""
+limb has no bend plane."""
 
 _RADIUS_M = 0.03
 """Radius of the limbs as drawn, metres."""
 
 NEW_SIZES = 0.02
-"""Relative change of a size above which the URDF is published again; set by hand."""
+"""Relative change of a size above which the URDF is published again."""
 
 
 @dataclass(frozen=True)

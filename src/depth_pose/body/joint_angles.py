@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 MOST_DEVIATION_DEG = 20.0
-"""Maximum deviation (degrees) of an angle that counts as measured. Set by hand: four times the aim of 5."""
+"""Maximum deviation (degrees) of an angle that counts as measured: four times the aim of 5."""
 
 _OUTSIDE_M = 1.0
 """Deviation of a joint outside of the image in each direction, metres: longer than any bone."""

@@ -16,7 +16,7 @@ from depth_pose.core.skeleton import ADULT_STATURE_M, NODE_INDEX, NODE_PARENTS, 
 Array = NDArray[np.float64]
 
 MOST_VERTICES = 2500
-"""Target number of vertices after decimation; the embedded body has 2,069. Set by hand."""
+"""Target number of vertices after decimation; the embedded body has 2,069."""
 
 _LIMB_CHILD = {"shoulder": "elbow", "elbow": "wrist", "hip": "knee", "knee": "ankle", "ankle": "foot"}
 

@@ -13,13 +13,13 @@ from depth_pose.core.errors import InputError
 Array = NDArray[np.float64]
 
 MOST_MOTION_BYTES = 1 << 28
-"""Largest file of motion, 256 MiB: an hour of 60 channels at 120 frames a second. Set by hand."""
+"""Largest file of motion, 256 MiB: an hour of 60 channels at 120 frames a second."""
 
 MOST_JOINTS = 1000
-"""Maximum number of joints; people have 20 to 200, with fingers and face. Set by hand."""
+"""Maximum number of joints; people have 20 to 200, with fingers and face."""
 
 MOST_ROTATIONS = 20_000_000
-"""Frames times joints: an hour of 46 joints at 120 frames a second, 1.4 GB. Set by hand."""
+"""Frames times joints: an hour of 46 joints at 120 frames a second, 1.4 GB."""
 
 
 def check_motion_size(path: Path | str, frames: int, joints: int) -> None:

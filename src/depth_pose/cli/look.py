@@ -22,7 +22,7 @@ param = typer.Typer(no_args_is_help=True, help="List, read and set parameters of
 
 
 _EVERY = Annotated[float, typer.Option(min=0.05, help="Seconds between two lines.")]
-"""Period of the lines, seconds; at most 20 lines a second. Set by hand."""
+"""Period of the lines, seconds; at most 20 lines a second."""
 _COUNT = Annotated[
     int | None, typer.Option(min=1, help="Stop after this number of lines.", show_default="Ctrl-C")
 ]

@@ -27,7 +27,7 @@ _MOST_OFFSET_S = 0.02
 
 
 _LIVE_S = 60.0
-"""Length of a recording with ``--live`` (s); set by hand."""
+"""Length of a recording with ``--live`` (s)."""
 
 
 def add_to(app: typer.Typer) -> None:

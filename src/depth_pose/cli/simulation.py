@@ -20,7 +20,7 @@ _ROOM_FPS = 15.0
 """Frame rate of a simulated room; that of the simulated sensors at their full range."""
 
 _ROOM_WIDTH_PX = 320
-"""Default width of a simulated room's images (pixels). Set by hand."""
+"""Default width of a simulated room's images (pixels)."""
 
 _CLOCK_OFFSET_S = 0.02
 """Default maximum offset of the cameras' clocks (s): hosts synchronised by NTP."""

@@ -38,7 +38,7 @@ app = typer.Typer(
 )
 
 _FPS = 30.0
-"""Frames a second at which motions are made or read. Set by hand."""
+"""Frames a second at which motions are made or read."""
 
 Params = Annotated[
     Path | None,

@@ -20,14 +20,14 @@ from depth_pose.core.errors import InputError
 from depth_pose.core.reading import open_ordinary
 
 MOST_MEMBERS = 1000
-"""Maximum number of arrays in a file; a bank has 11, a volume model 20. Set by hand."""
+"""Maximum number of arrays in a file; a bank has 11, a volume model 20."""
 
 FREE_BYTES = 1 << 28
-"""Size (bytes) up to which arrays are read whatever the size of their file: 256 MiB. Set by hand."""
+"""Size (bytes) up to which arrays are read whatever the size of their file: 256 MiB."""
 
 MOST_RATIO = 40
 """Maximum ratio of larger arrays to their file's size: 6 for the embedded body, 2.3 for simulated truths,
-1,000 for zeros. Set by hand."""
+1,000 for zeros."""
 
 
 class DamagedArrays(ValueError):

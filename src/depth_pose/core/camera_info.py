@@ -22,13 +22,13 @@ from depth_pose.core.image_size import check_shape, check_size
 
 _LEAST_FOCAL, _MOST_FOCAL = 0.05, 50.0
 """Limits of the focal lengths, as shares of the image's longer side: fields of view of 169 and 1.1
-degrees; set by hand."""
+degrees."""
 
 _MOST_ASPECT = 8.0
-"""Maximum ratio of the focal lengths; images binned in one direction have 2; set by hand."""
+"""Maximum ratio of the focal lengths; images binned in one direction have 2."""
 
 _MOST_BINNING = 64
-"""Maximum binning of a CameraInfo; set by hand."""
+"""Maximum binning of a CameraInfo."""
 
 
 class Pinhole(NamedTuple):

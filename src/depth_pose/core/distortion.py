@@ -38,7 +38,7 @@ _LENGTHS = {OPENCV: (4, 5, 8, 12), FISHEYE: (4,)}
 """Numbers of coefficients of each model; zeros may follow."""
 
 _STEPS = 2000
-"""Number of radii at which the model is checked for growth; set by hand."""
+"""Number of radii at which the model is checked for growth."""
 
 
 def distortion_of(d: Sequence[float] | Array, name: str) -> tuple[str, tuple[float, ...]]:

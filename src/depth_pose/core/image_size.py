@@ -5,10 +5,10 @@ from __future__ import annotations
 from depth_pose.core.errors import InputError
 
 MAX_SIDE = 8192
-"""Maximum rows or columns of an image or cloud; set by hand."""
+"""Maximum rows or columns of an image or cloud."""
 
 MAX_PIXELS = 16_777_216
-"""Maximum pixels of an image, or points of a cloud: 4096 x 4096; set by hand."""
+"""Maximum pixels of an image, or points of a cloud: 4096 x 4096."""
 
 _MOST_ELONGATED = 16
 """Maximum ratio of an image's sides; a frame of 8192 x 2 pixels would take 20 s."""

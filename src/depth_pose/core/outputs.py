@@ -31,7 +31,7 @@ from depth_pose.core.system import HAS_LOCKS, lock, open_flags, try_lock
 _PART = ".part"
 _PARTIAL = ".partial"
 TRIAL_BYTES = 1 << 16
-"""Size of the test file written before the work: a full disk may still take an empty file. Set by hand."""
+"""Size of the test file written before the work: a full disk may still take an empty file."""
 
 _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG, errno.EIO, errno.ESTALE)
 """Errors of a system call that only the output can cause."""

@@ -27,10 +27,10 @@ errors = SafeConsole(stderr=True)
 """Standard error."""
 
 _LEAST_LINE_GAP_S = 2.0
-"""Minimum time between two lines of progress on an output that is not a terminal, seconds. Set by hand."""
+"""Minimum time between two lines of progress on an output that is not a terminal, seconds."""
 
 _LONG_S = 10.0
-"""Loading time after which an output that is not a terminal gets a line about it, seconds. Set by hand."""
+"""Loading time after which an output that is not a terminal gets a line about it, seconds."""
 
 
 @contextmanager

@@ -18,14 +18,13 @@ from depth_pose.core.errors import ConfigError, DepthPoseError, InputError
 from depth_pose.core.system import open_flags
 
 MOST_SETTINGS_BYTES = 1 << 20
-"""Size limit of settings, rig and build files (bytes): a hundred times a rig of 100 cameras. Set by hand."""
+"""Size limit of settings, rig and build files (bytes): a hundred times a rig of 100 cameras."""
 
 MOST_VALUES = 20_000
-"""Maximum number of values of a YAML file, with aliases expanded; one of 100 cameras has 4,000. Set by
-hand."""
+"""Maximum number of values of a YAML file, with aliases expanded; one of 100 cameras has 4,000."""
 
 _DEEPEST = 100
-"""Maximum nesting depth of YAML written by programs; rosbag2's has 6. Set by hand."""
+"""Maximum nesting depth of YAML written by programs; rosbag2's has 6."""
 
 _PARSER_ERRORS = (ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError)
 """Errors of parsers besides their own types: invalid dates, numbers too long, nesting too deep."""

@@ -20,7 +20,7 @@ LONGEST_SILENCE_NS = 2_000_000_000
 """Longest silence (ns) of a sensor after which people keep their ids; as long as somebody out of view."""
 
 _LONGER = 3
-"""A step is no jump if it is at most this many times the one before; set by hand."""
+"""A step is no jump if it is at most this many times the one before."""
 
 OUT_OF_ORDER = "its stamp is before that of an earlier frame"
 STRAY = "its stamp does not follow the frames around it"

@@ -32,7 +32,7 @@ _STEPS = 9
 _NOISE_M, _NOISE_SHARE = 0.03, 0.02
 """Maximum change of depth between frames in a static scene: about three times the sensors' noise."""
 _MOST_MISSING = 8
-"""Number of pictures for which a pixel without a return keeps its colour. Set by hand."""
+"""Number of pictures for which a pixel without a return keeps its colour."""
 _BACKGROUND = "#0b0d10"
 _LIGHT = "#f4f4f4"
 

@@ -25,7 +25,7 @@ _MOST_COLUMNS = 6
 _CROP_MARGIN = 0.22
 """Margin around the skeletons, as a share of their larger extent; for readability."""
 _MOST_DRAWN = 40
-"""Maximum number of people drawn in a frame, by confidence: each takes 20 ms. Set by hand."""
+"""Maximum number of people drawn in a frame, by confidence: each takes 20 ms."""
 _TRUTH, _DARK = "#ffffff", "#15181d"
 _LEAST_COLUMNS_FOR_ONE_LINE = 4
 """With fewer columns the title gets a line above the legend; for readability."""

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _LONGEST_NAME = 100
-"""Maximum number of letters drawn of a name. Set by hand."""
+"""Maximum number of letters drawn of a name."""
 
 FORMATS = ("png", "jpg", "jpeg", "webp", "tif", "tiff", "pdf", "svg")
 

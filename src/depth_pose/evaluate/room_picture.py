@@ -19,9 +19,9 @@ Array = NDArray[np.float64]
 
 _COLOURS = ("#1f9bcf", "#f08a24", "#3a9d5d", "#b0559f", "#8a8f98", "#c44e52")
 _LOW_M = 0.15
-"""Points of the empty room below this are the floor, metres. Set by hand."""
+"""Points of the empty room below this are the floor, metres."""
 _REACH_M = 1.2
-"""Length of a drawn field of view, metres. Set by hand."""
+"""Length of a drawn field of view, metres."""
 
 
 def save_room_picture(calibration: Calibration, path: Path | str) -> None:

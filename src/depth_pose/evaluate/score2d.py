@@ -25,7 +25,7 @@ from depth_pose.io.schemas import SKELETON_TOPIC
 from depth_pose.io.skeleton_read import read_skeletons
 
 _MOST_BYTES = 1 << 28
-"""Largest reference file: 256 MiB, some ten hours at 30 frames a second. Set by hand."""
+"""Largest reference file: 256 MiB, some ten hours at 30 frames a second."""
 
 LEAST_VISIBILITY = 0.5
 """Reference joints less visible than this are not scored."""

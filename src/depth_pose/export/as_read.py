@@ -17,7 +17,7 @@ from depth_pose.core.result import Skeleton
 from depth_pose.export.tracks import Presence, Tracks, check_chosen, read_frames, tracks_of
 
 PART_FRAMES = 250
-"""Frames in memory at a time. Set by hand: four people in them take 8 MB; larger parts are no faster."""
+"""Frames in memory at a time: four people in them take 8 MB; larger parts are no faster."""
 
 
 class FramesOutOfOrder(Exception):

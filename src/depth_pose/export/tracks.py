@@ -37,15 +37,15 @@ ARRAYS = (
 
 _LONGEST_STEP = 1.5
 """Multiple of the usual time between frames beyond which there is a gap. A missing frame doubles the time;
-jitter of stamps stays below a half. Set by hand."""
+jitter of stamps stays below a half."""
 MOST_FRAMES = 2_000_000
 """Limits: frames in a resampled file, and frames x people in an array export (18 h at 30 Hz, 2 kB each)."""
 
 _MOST_TOLD = 3
 """Maximum number of gaps listed one by one."""
 _ON_GRID = 0.02
-"""Tolerance of a frame's stamp against an even rate, as a share of the time between frames. Set by
-hand: at 30 frames a second it is 0.7 ms, in which a hand at 6 m/s moves 4 mm."""
+"""Tolerance of a frame's stamp against an even rate, as a share of the time between frames: at 30 frames a
+second it is 0.7 ms, in which a hand at 6 m/s moves 4 mm."""
 
 
 @dataclass(frozen=True)

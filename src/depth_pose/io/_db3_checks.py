@@ -21,23 +21,23 @@ from depth_pose.io._rosbag2_folder import LEFT_FREE
 from depth_pose.io._topics import MAX_CHUNK
 
 _MOST_SCHEMA = 200
-"""Maximum number of tables and indexes; rosbag2's files have seven; set by hand."""
+"""Maximum number of tables and indexes; rosbag2's files have seven."""
 
 _MOST_TEXT = 16 << 20
-"""Maximum number of characters of topics and of definitions; 500 types have 2 MB; set by hand."""
+"""Maximum number of characters of topics and of definitions; 500 types have 2 MB."""
 
 _MOST_ROWS = 10_000
-"""Maximum number of topics, and of definitions; set by hand."""
+"""Maximum number of topics, and of definitions."""
 
 _MOST_QOS = 512 << 10
 """Maximum number of characters of all ``offered_qos_profiles``, which rosbags parses slowly (2 s): those
-of 2,000 publishers; set by hand."""
+of 2,000 publishers."""
 
 _SCHEMA_S = 1.0
-"""Maximum time (s) for reading the schema; set by hand."""
+"""Maximum time (s) for reading the schema."""
 
 _STEPS = 10_000
-"""Steps of SQLite's virtual machine between time checks, about a millisecond; set by hand."""
+"""Steps of SQLite's virtual machine between time checks, about a millisecond."""
 
 
 def checked_reader(path: Path) -> tuple[Any, TemporaryDirectory[str] | None]:

@@ -23,13 +23,13 @@ from depth_pose.io._mcap_records import Summary
 from depth_pose.io._topics import MCAP_MAGIC, DamageError, Place, RawMessage, Topic, counted, in_order
 
 _RUN = 4 << 20
-"""Approximate size (bytes) of a run of messages outside chunks; set by hand."""
+"""Approximate size (bytes) of a run of messages outside chunks."""
 
 _BLOCK = 1 << 20
-"""Bytes read at once for the checksum of the data; set by hand."""
+"""Bytes read at once for the checksum of the data."""
 
 _MOST_BAD = 10_000
-"""Maximum number of bad chunks and records; after that the rest of the file is not read; set by hand."""
+"""Maximum number of bad chunks and records; after that the rest of the file is not read."""
 
 _PRIVATE = 0x80
 """First record kind reserved for applications; such records are skipped."""

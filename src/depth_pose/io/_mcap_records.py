@@ -27,8 +27,7 @@ RECORD = struct.Struct("<BQ")
 """Head of each record: kind, and length of the content."""
 
 MAX_SUMMARY = 16 << 20
-"""Maximum size of a summary (bytes), the index of 90,000 chunks; a file with a larger one is scanned; set
-by hand."""
+"""Maximum size of a summary (bytes), the index of 90,000 chunks; a file with a larger one is scanned."""
 
 _FOOTER = struct.Struct("<BQQQI")
 _CHUNK = struct.Struct("<QQQI")

@@ -19,21 +19,21 @@ PACKED = ".zstd"
 """Extension of files that rosbag2 compressed as a whole."""
 
 _MOST_METADATA = 16 << 20
-"""Maximum size of ``metadata.yaml`` (bytes); set by hand."""
+"""Maximum size of ``metadata.yaml`` (bytes)."""
 _ZSTD_HEADER = 18
 """Maximum size of a frame header (bytes, RFC 8878)."""
 
 _BLOCK = 1 << 20
-"""Bytes decompressed at once; set by hand."""
+"""Bytes decompressed at once."""
 
 _MOST_RATIO = 200
-"""Maximum compression ratio; noisy depth has 2 to 5, simulated depth 20; set by hand."""
+"""Maximum compression ratio; noisy depth has 2 to 5, simulated depth 20."""
 
 _ALWAYS = 256 << 20
-"""Bytes that may be decompressed at any ratio; set by hand."""
+"""Bytes that may be decompressed at any ratio."""
 
 LEFT_FREE = 1 << 30
-"""Bytes of disk space that decompression leaves free; set by hand."""
+"""Bytes of disk space that decompression leaves free."""
 
 
 @dataclass(frozen=True)

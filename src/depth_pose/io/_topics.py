@@ -14,10 +14,10 @@ MAGICS = (MCAP_MAGIC, DB3_MAGIC, BAG_MAGIC)
 """First bytes of the supported recordings."""
 
 MOST_WAITING = 256 << 20
-"""Maximum bytes of messages waiting for earlier ones in overlapping chunks: two chunks; set by hand."""
+"""Maximum bytes of messages waiting for earlier ones in overlapping chunks: two chunks."""
 
 MAX_CHUNK = 128 << 20
-"""Maximum bytes of a chunk or a message, compressed or not: twice the largest accepted image; set by hand."""
+"""Maximum bytes of a chunk or a message, compressed or not: twice the largest accepted image."""
 
 
 @dataclass(frozen=True)

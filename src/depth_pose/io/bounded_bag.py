@@ -20,14 +20,13 @@ from rosbags.rosbag1 import Reader
 from depth_pose.io._topics import MAX_CHUNK, DamageError
 
 _MOST_INDEX = 16 << 20
-"""Maximum size of the index (bytes): 1.4 million messages, which take 190 MB during reading; set by hand."""
+"""Maximum size of the index (bytes): 1.4 million messages, which take 190 MB during reading."""
 
 _MOST_SHARE, _SMALL_INDEX = 0.5, 1 << 20
-"""Maximum share of the file that the index may be, unless it is this small (bytes); set by hand."""
+"""Maximum share of the file that the index may be, unless it is this small (bytes)."""
 
 _UNPACKED_AGAIN = 8
-"""Maximum bytes decompressed per byte of a chunk, as overlapping chunks are decompressed in turn; set by
-hand."""
+"""Maximum bytes decompressed per byte of a chunk, as overlapping chunks are decompressed in turn."""
 
 
 class _BoundedFile(io.BufferedReader):

@@ -21,7 +21,7 @@ DEPTH_ENCODINGS = ("16UC1", "mono16", "32FC1")
 
 _OWN_TOPICS = "/depth_pose/"
 _MOST_TOPICS = 20
-"""Maximum number of topics listed in an error; set by hand."""
+"""Maximum number of topics listed in an error."""
 _ZSTD = b"\x28\xb5\x2f\xfd"
 _REALSENSE_TEXT = re.compile(r"/device_\d+/sensor_\d+/Depth_\d+/(info/)?camera_info")
 """CameraInfo topics of RealSense's SDK, which some of its versions write as text."""

@@ -39,7 +39,7 @@ INFO_TOPIC = schemas.DEPTH_TOPIC.rpartition("/")[0] + "/camera_info"
 """Topic of the camera, beside the images."""
 
 _FPS = 30.0
-"""Default frame rate (Hz), that of most sensors; set by hand."""
+"""Default frame rate (Hz), that of most sensors."""
 
 _START_NS = 1_000_000_000
 """Stamp of the first image (ns); 0 means no time in ROS."""
@@ -61,7 +61,7 @@ _NPY_ERRORS += (RecursionError, MemoryError, tokenize.TokenError)
 """Exceptions of NumPy for files that are not arrays."""
 
 _MOST_BYTES = 128 << 20
-"""Maximum size of an image file (bytes); set by hand."""
+"""Maximum size of an image file (bytes)."""
 
 
 def image_files(folder: Path) -> list[Path]:

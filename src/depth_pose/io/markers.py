@@ -32,7 +32,7 @@ COLOURS = {
 """Red, green, blue of a joint by its state."""
 
 BONE_WIDTH_M, JOINT_SIZE_M, NAME_SIZE_M = 0.02, 0.05, 0.12
-"""Sizes (m) for a person who fills the view; set by hand."""
+"""Sizes (m) for a person who fills the view."""
 
 _LINE_LIST, _SPHERE_LIST, _TEXT, _ADD, _DELETE_ALL = 5, 7, 9, 0, 3
 """Constants of ``visualization_msgs/Marker``."""

@@ -25,10 +25,10 @@ from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointState, Source, Tr
 from depth_pose.io import schemas
 
 _MOST_SKELETON_BYTES = 4 << 20
-"""Largest message of skeletons (bytes): 2,000 people. Decoding takes 20 microseconds a joint. Set by hand."""
+"""Largest message of skeletons (bytes): 2,000 people. Decoding takes 20 microseconds a joint."""
 
 _LONGEST_NAME = 1000
-"""Maximum letters of an id or a frame: every row of a table repeats them. Set by hand."""
+"""Maximum letters of an id or a frame: every row of a table repeats them."""
 
 
 @dataclass(frozen=True)

@@ -27,13 +27,13 @@ _MOST_FPS = 30.0
 """Faster recordings are thinned to at most this rate."""
 
 _TOO_FAR_DEG = 45.0
-"""Maximum violation of a joint limit (degrees); frames beyond it are dropped. Set by hand; not swept."""
+"""Maximum violation of a joint limit (degrees); frames beyond it are dropped."""
 
 _CALIBRATION_M = 0.08
 """Mean joint displacement (m) to the second frame above which the first is dropped as a lone pose."""
 
 _CALIBRATION_RATIO = 5.0
-"""Minimum ratio of that displacement to the next one. Both set by hand; not swept."""
+"""Minimum ratio of that displacement to the next one."""
 
 
 @dataclass(frozen=True)

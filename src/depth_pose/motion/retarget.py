@@ -30,8 +30,7 @@ Array = NDArray[np.float64]
 _FLIP = np.array([-1.0, 1.0, 1.0])
 """Turns points of the right side into those of the left."""
 _BENT_DEG = (12.0, 35.0)
-"""Flexions (degrees) between which the weight of the hinge's plane rises from 0 to 1. Set by hand; not
-swept."""
+"""Flexions (degrees) between which the weight of the hinge's plane rises from 0 to 1."""
 _STRAIGHT_DEG = (170.0, 178.0)
 """Flexions (degrees) between which the weight of a folded limb's plane falls from 1 to 0."""
 _BACKWARD_DEG = 110.0

@@ -26,7 +26,7 @@ CHILDREN = 0.2
 """Share of children."""
 
 _AVERAGE_BMI = 23.0
-"""Body mass index of the average build, kg/m^2. Set by hand."""
+"""Body mass index of the average build, kg/m^2."""
 _POOL_SEED = 4711
 """Seed of the builds; any would do."""
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _SUBSTEP_S = 1.0 / 120.0
-"""Longest step of the cloth, seconds. Set by hand, as all below, for realistic cloth."""
+"""Longest step of the cloth, seconds. As all below, chosen so that cloth looks real."""
 _GRAVITY = 9.81
 """Metres per second squared."""
 _ROUNDS = 8

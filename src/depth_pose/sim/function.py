@@ -20,11 +20,11 @@ from depth_pose.motion.procedural.parts import looks_around, still
 Array = NDArray[np.float64]
 
 _RISE_S, _PAUSE_S = 1.2, 0.8
-"""Durations of rising and sitting down, and of the pauses between them, seconds. Set by hand."""
+"""Durations of rising and sitting down, and of the pauses between them, seconds."""
 _SEAT_M = 0.50
-"""Height of the pelvis of the seated 1.75 m body, metres. Set by hand."""
+"""Height of the pelvis of the seated 1.75 m body, metres."""
 _FORWARD_DEG = 35.0
-"""Forward lean of the trunk while rising, degrees. Set by hand."""
+"""Forward lean of the trunk while rising, degrees."""
 
 
 def walk_straight(

@@ -19,7 +19,7 @@ _MANY = (2, 8)
 """Number of lookalikes in a room: minimum, and exclusive maximum."""
 
 _TRIES = 8
-"""Number of spots tried for each. Set by hand."""
+"""Number of spots tried for each."""
 
 
 def add_lookalikes(room: Room, rng: np.random.Generator, view: View, reach: float) -> None:

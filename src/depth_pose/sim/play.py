@@ -29,23 +29,23 @@ Cast = Sequence[tuple[Performer, Track]]
 """The people of a video and their motion."""
 
 _APART_M, _FROM_WALLS_M = 0.5, 0.35
-"""Minimum distance of paths from each other and from walls, metres. Set by hand."""
+"""Minimum distance of paths from each other and from walls, metres."""
 _FROM_CAMERA_M = 0.9
-"""Minimum distance of paths from camera 0, metres. Set by hand."""
+"""Minimum distance of paths from camera 0, metres."""
 _HIDDEN_S, _HIDDEN_AT_HOME_S = 2.0, 0.5
 """Maximum time for which a piece of furniture hides a person, in rooms and in homes with more of them,
-seconds. Set by hand."""
+seconds."""
 _SITS_SHARE = 0.25
-"""Probability that a person who may sit down does. Set by hand."""
+"""Probability that a person who may sit down does."""
 _TRIES = 40
-"""Maximum number of attempts for a path, and for a spot. Set by hand."""
+"""Maximum number of attempts for a path, and for a spot."""
 _LONG_TRIES = 300
-"""Maximum number of corrections of a long path. Set by hand."""
+"""Maximum number of corrections of a long path."""
 _AHEAD_S = 8.0
-"""Length by which a long path grows before it is checked again, seconds. Set by hand."""
+"""Length by which a long path grows before it is checked again, seconds."""
 _LOOK_EVERY_S = 0.3  # between the moments at which furniture must not intersect people
 _EVERY = 24
-"""Stride over a person's vertices in the intersection test with furniture. Set by hand."""
+"""Stride over a person's vertices in the intersection test with furniture."""
 
 
 def sample_stage(

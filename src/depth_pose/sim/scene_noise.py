@@ -35,7 +35,7 @@ Image = NDArray[np.float32]
 FAMILIES = ("structured", "tof", "stereo")
 """Families of depth sensors."""
 _FAMILY_SHARES = (0.4, 0.3, 0.3)
-"""How often each family is drawn. Set by hand."""
+"""How often each family is drawn."""
 _MATERIALS = 64  # kinds of surface texture, told apart by their albedo
 _STEADY, _FLEETING = 0.8, 0.6  # of a video's patches, in deviations: what stays from frame to frame
 _DARK = np.float32(0.1)  # reflectance below which surfaces are dark

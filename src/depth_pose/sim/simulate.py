@@ -34,7 +34,7 @@ FRAME_ID = "camera_depth_optical_frame"
 START_NS = 1_700_000_000_000_000_000
 """Stamp of the first frame of every simulated recording."""
 _JOINT_DEPTH_M = 0.2
-"""A joint lies at most this far below the visible skin in front of it, metres. Set by hand."""
+"""A joint lies at most this far below the visible skin in front of it, metres."""
 
 
 @dataclass(frozen=True)

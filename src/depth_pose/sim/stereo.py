@@ -31,7 +31,7 @@ _WEAK_LEAST, _WEAK_GAIN = 3.5, 2.5
 _WRONG_LEAST = 4.0
 """The same above which it is matched wrongly. Set by eye."""
 _NEARER = np.float32(0.2)
-"""Mean of wrong matches' disparity, deviations: more are nearer than farther. Set by hand."""
+"""Mean of wrong matches' disparity, deviations: more are nearer than farther."""
 _LOGISTIC = 1.702
 """A normal distribution's quantile is about the logit divided by this."""
 

@@ -34,7 +34,7 @@ from depth_pose.viewer.source import LiveSource, RecordedSource
 from depth_pose.viewer.tables import chosen, nodes_table, people_table
 
 RATE_HZ = 15.0
-"""Maximum frames drawn per second; fewer if a browser takes longer. Set by hand."""
+"""Maximum frames drawn per second; fewer if a browser takes longer."""
 
 _LOOK_S = 0.2
 """Seconds between two checks for the end of the viewer while a frame is drawn."""

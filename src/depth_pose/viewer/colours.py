@@ -24,7 +24,7 @@ _DOUBT, _HALF, _SURE = np.array([215, 48, 39]), np.array([254, 224, 90]), np.arr
 _NEAR, _FAR = np.array([196, 201, 210]), np.array([74, 82, 96])
 """Greys of the nearest and of the farthest points; for readability."""
 _SPAN_M = (1.0, 6.0)
-"""Range of distances over which points go from light to dark. Set by hand, for rooms."""
+"""Range of distances over which points go from light to dark. It suits rooms."""
 
 
 def of_person(body_id: str) -> NDArray[np.uint8]:

@@ -13,13 +13,13 @@ from depth_pose.core.result import Skeleton
 from depth_pose.core.skeleton import BONES, JOINTS
 
 MOST_POINTS = 20_000
-"""Maximum number of a frame's points kept and sent to the browser; 240 kB. Set by hand."""
+"""Maximum number of a frame's points kept and sent to the browser; 240 kB."""
 
 _REACH_M = {"foot": 0.07, "ankle": 0.11, "knee": 0.15, "elbow": 0.11, "wrist": 0.12, "head": 0.2}
 """Reach by kind of joint, metres; `_TRUNK_REACH_M` for the others."""
 _TRUNK_REACH_M = 0.22
 """Distance from the bone that ends at a joint within which points belong to the person, including clothes;
-smaller at the feet, near the floor. Set by hand."""
+smaller at the feet, near the floor."""
 
 _REACHES = np.array(
     [_REACH_M.get(JOINTS[b].rpartition("_")[2], _TRUNK_REACH_M) for _, b in BONES], np.float32

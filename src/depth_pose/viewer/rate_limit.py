@@ -12,7 +12,7 @@ import time
 from typing import Any
 
 PATIENCE_S = 5.0
-"""Maximum wait for a browser's answer (s); then it is ignored until it answers. Set by hand: without a
+"""Maximum wait for a browser's answer (s); then it is ignored until it answers. Without a
 graphics card, on busy cores, it takes 2 s."""
 
 _GIVE_UP_S = 60.0

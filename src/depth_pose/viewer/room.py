@@ -14,11 +14,11 @@ from depth_pose.export.tracks import tracks_of
 from depth_pose.viewer.frames import ViewerFrame
 
 _FRAMES = 15
-"""Number of frames with people used to estimate the floor; feet move little in fewer. Set by hand."""
+"""Number of frames with people used to estimate the floor; feet move little in fewer."""
 _LOOKS = 3 * _FRAMES
 """Number of frames after which the available ones are used: a short looping recording has no others."""
 _IMAGES = 6
-"""Number of depth images kept to find the floor. Set by hand, not swept."""
+"""Number of depth images kept to find the floor."""
 
 
 class FloorSeeker:

@@ -13,7 +13,7 @@ from depth_pose.core.outputs import new_file
 Picture = NDArray[np.uint8]
 
 _COLOURS = 128
-"""Frame rate of a GIF. Set by hand."""
+"""Frame rate of a GIF."""
 
 
 def free_name(folder: Path, ending: str) -> Path:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _RECENT_NS = 1_000_000_000
 """Time for which a person is shown without a new answer: busy nodes process people in turn, so that each of
-three people is answered in every third frame. Set by hand."""
+three people is answered in every third frame."""
 
 _NO_IMAGE = Camera(1, 1, 1.0, 1.0, 0.0, 0.0)
 """Camera of the empty depth image, for frames without depth."""

@@ -20,7 +20,7 @@ from depth_pose.volume import _hull_kernels as kernels
 from depth_pose.volume.config import SpaceConfig
 
 _BLOCK_M = 0.08
-"""Edge of a block, metres. Set by hand."""
+"""Edge of a block, metres."""
 _MOST_TABLE_BYTES = 3_000_000_000
 """Maximum size of the tables of projections: larger ones would not fit in a small machine's memory."""
 _FIRST_CAPACITY = 30_000

@@ -42,9 +42,9 @@ DIMENSIONS = {
 }  # fmt: skip
 """Number of dimensions of each array in the file, by its name."""
 _MOST_FPS = 1000.0
-"""Maximum frame rate of a valid model. Set by hand."""
+"""Maximum frame rate of a valid model."""
 _MOST_BINS = 1024
-"""Maximum number of bins in one direction; the paper has at most 16, and 128 fine ones. Set by hand."""
+"""Maximum number of bins in one direction; the paper has at most 16, and 128 fine ones."""
 
 
 @dataclass(frozen=True, eq=False)

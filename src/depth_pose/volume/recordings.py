@@ -15,7 +15,7 @@ from depth_pose.volume.decode import ViewDecoder
 from depth_pose.volume.synchroniser import Synchroniser, ViewSet
 
 _SURE_AHEAD = 3
-"""Number of consecutive images after which a later time from a single camera is accepted. Set by hand."""
+"""Number of consecutive images after which a later time from a single camera is accepted."""
 
 
 class ViewReader:

@@ -136,11 +136,11 @@ _SPREAD_DEG: dict[str, tuple[float, float]] = {
 }
 """Standard deviations of habit and of irregular deviation by joint, degrees; others do not vary.
 
-Set by hand; docs/volume.md measures the tracker on them.
+docs/volume.md measures the tracker on them.
 """
 
 _WANDER_S = 0.45
-"""Correlation time of a joint's irregular deviation, seconds. Set by hand; not swept."""
+"""Correlation time of a joint's irregular deviation, seconds."""
 
 _TIMING_BEATS = (0.12, 1.2)
 """Deviation of the timing from the beat: standard deviation in beats, correlation time in seconds."""

@@ -40,7 +40,7 @@ WALK_ANKLE = ((0, 0), (7, -6), (15, 0), (30, 6), (45, 11), (52, 6), (62, -18), (
 WALK_ABDUCTION = ((0, 0), (15, -6), (30, -5), (50, -2), (62, 6), (75, 5), (90, 1))
 """Hip abduction in walking: percent of the cycle, degrees."""
 SWING = ((0, 0), (52, 0), (70, 0.8), (84, 1), (94, 0.6), (99, 0))
-"""Progress of a walker's foot through its swing: percent of the cycle, 0 to 1. Set by hand, not swept."""
+"""Progress of a walker's foot through its swing: percent of the cycle, 0 to 1."""
 RUN_HIP = ((0, 38), (15, 26), (30, 4), (40, -8), (50, -4), (65, 28), (80, 54), (90, 50))
 """Hip flexion in running: percent of the cycle, degrees."""
 RUN_KNEE = (

@@ -37,7 +37,7 @@ Progress = Callable[[float], None]
 """Called with the fraction done, 0 to 1."""
 
 POOL_PER_POSE = 5.0
-"""Poses made for each one chosen. Set by hand; benchmarks/banks.py coverage measures the result."""
+"""Poses made for each one chosen. benchmarks/banks.py coverage measures the result."""
 
 APART_SHARE = 0.5
 """Share of a set that is chosen for coverage; the rest follows the families' shares.
@@ -54,19 +54,19 @@ POSTURE_SHARES: dict[str, float] = {
     "bend": 0.8,
     "crawl": 0.5,
 }
-"""Share of each everyday posture in the pool, beside the families' shares. Set by hand; not swept."""
+"""Share of each everyday posture in the pool, beside the families' shares."""
 
 STAY_WITHIN_M = 1.0
 """Maximum distance of a clip's path from its middle (m), so that a runner stays in view."""
 
 _TOO_DEEP_M = 0.03
-"""Maximum depth of a limb inside the body, metres; deeper poses are dropped. Set by hand; not swept."""
+"""Maximum depth of a limb inside the body, metres; deeper poses are dropped."""
 
 _TOO_STRAINED_DEG = 15.0
-"""Maximum violation of a joint limit (degrees); poses beyond it are dropped. Set by hand; not swept."""
+"""Maximum violation of a joint limit (degrees); poses beyond it are dropped."""
 
 _SMOOTH_S = (0.06, 0.04, 0.025)
-"""Widths of the Gaussians that smooth a clip one after the other, seconds. Set by hand; not swept."""
+"""Widths of the Gaussians that smooth a clip one after the other, seconds."""
 
 _SLOW_S = 0.8
 """Width (s) of the Gaussian that separates a path's slow part: longer than a stride."""

@@ -44,7 +44,7 @@ _INFOS = 16
 
 _SOLE_AFTER = 10
 """Number of CameraInfos of another frame_id, all from one publisher, after which they are used for the image:
-some drivers name the two differently. Set by hand."""
+some drivers name the two differently."""
 
 
 class DenoiseNode(StageNode):

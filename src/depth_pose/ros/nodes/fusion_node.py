@@ -56,13 +56,13 @@ SETTINGS: tuple[Setting, ...] = (
 """Parameters besides those of the filter; of the bank, only the body is used (``rep155``)."""
 
 _LOOK_S = 0.2
-"""Seconds between two checks of the cameras; set by hand."""
+"""Seconds between two checks of the cameras."""
 
 _REMIND_S = 10.0
-"""Seconds between two reminders of cameras that have sent nothing; set by hand."""
+"""Seconds between two reminders of cameras that have sent nothing."""
 
 _FORGET_NS = 1_000_000_000
-"""A jump back of the stamps by more than this (ns) is a replay from the start; set by hand."""
+"""A jump back of the stamps by more than this (ns) is a replay from the start."""
 
 
 class FusionNode(BankNode):

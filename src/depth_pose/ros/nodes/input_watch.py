@@ -22,11 +22,10 @@ With a check every half second, the warning comes within three seconds.
 
 PAUSED_AFTER_S = 5.0
 """Seconds of silence after which a topic counts as missing, or three of its own periods if longer.
-Set by hand.
 """
 
 REPEAT_S = 10.0
-"""Seconds after which the warning is repeated while the input is missing. Set by hand."""
+"""Seconds after which the warning is repeated while the input is missing."""
 
 SEVERAL_AFTER_S = 8.0
 """Seconds after which several publishers give a warning.

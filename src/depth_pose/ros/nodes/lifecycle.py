@@ -21,10 +21,10 @@ from depth_pose.ros.process.shared_memory import with_account_advice
 
 _FIND_S, _LONGEST_LOOK_S = 5.0, 0.2
 """Seconds to find a node's services, and the maximum that one check counts: while the machine stood still
-nothing was discovered. Set by hand."""
+nothing was discovered."""
 
 ANSWER_S = 10.0
-"""Seconds to wait for an answer before requesting the state again; loading a bank takes less. Set by hand."""
+"""Seconds to wait for an answer before requesting the state again; loading a bank takes less."""
 
 _STEPS = {
     (State.PRIMARY_STATE_UNCONFIGURED, True): Transition.TRANSITION_CONFIGURE,

@@ -44,11 +44,11 @@ __all__ = ["Deferred", "Drop", "Input", "Stage", "StageNode"]
 
 SETTLE_S = 0.2
 """Seconds for which the connections must exist before a node reports that it is ready.
-A publisher finds a subscriber before the subscriber finds the publisher. Set by hand.
+A publisher finds a subscriber before the subscriber finds the publisher.
 """
 
 _READY_TICK_S = 0.05
-"""Seconds between two checks of the connections. Set by hand."""
+"""Seconds between two checks of the connections."""
 
 _NOT_POSSIBLE = "Failed to trigger lifecycle state machine transition"
 """What rclpy says of a transition that the present state does not have."""

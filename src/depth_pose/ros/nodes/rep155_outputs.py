@@ -36,7 +36,7 @@ KEPT_NS = 3_000_000_000
 TRACKED_NS = 1_000_000_000
 """Time for which a person stays in ``tracked`` after a frame without them, nanoseconds. A client drops a body
 that is not listed and subscribes again when it returns. Busy nodes process people in turn, so each of three
-people is answered in every third frame. Set by hand.
+people is answered in every third frame.
 """
 
 KEY_POINTS: tuple[str, ...] = (

@@ -30,7 +30,7 @@ FLOOR = "floor"
 _ROLL_SEEN = np.cos(np.radians(60.0))
 """Minimum component of up in the image plane to measure a roll; smaller if a sensor looks straight down."""
 _ROLL_DEG = 40.0
-"""A roll that differs from that of the mounting by more than this (degrees) is reported. Set by hand."""
+"""A roll that differs from that of the mounting by more than this (degrees) is reported."""
 
 
 class RoomOutputs:

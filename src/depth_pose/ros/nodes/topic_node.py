@@ -35,7 +35,7 @@ BUSY_REASONS = ("overtaken", "missed")
 """Reasons of drops that come of a machine that is too slow."""
 
 BUSY_EVERY_S = 60.0
-"""Seconds between two lines about a machine that is too slow. Set by hand."""
+"""Seconds between two lines about a machine that is too slow."""
 
 
 class TopicNode(LifecycleNode, ABC):

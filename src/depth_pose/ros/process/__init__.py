@@ -11,4 +11,4 @@ DONE = "has done its work"
 """A node prints its name and this before it leaves the ROS graph, which Fast DDS does not always end."""
 
 BEAT, BEAT_S = b"\0", 0.25
-"""Sign of life in a node's output, and its period in seconds: a tenth of the patience, set by hand."""
+"""Sign of life in a node's output, and its period in seconds: a tenth of the patience."""

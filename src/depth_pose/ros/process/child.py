@@ -24,7 +24,7 @@ hung one is replaced within 5 s.
 """
 
 _SUSPECT_S = 1.0
-"""Seconds of silence after which it is checked whether the process could run; set by hand."""
+"""Seconds of silence after which it is checked whether the process could run."""
 
 _TICKS_A_SECOND = os.sysconf("SC_CLK_TCK")
 """Unit of the processor time in Linux' /proc/PID/stat."""

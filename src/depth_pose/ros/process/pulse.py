@@ -31,7 +31,7 @@ _SETTLED = 8
 as well."""
 
 _GOODBYE_S = 5.0
-"""Seconds for an orderly end, after which the process kills itself. Set by hand."""
+"""Seconds for an orderly end, after which the process kills itself."""
 
 
 def start_pulse(beats: bool) -> None:

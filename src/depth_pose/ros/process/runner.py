@@ -37,7 +37,7 @@ _MOST_HEAPS = -8
 """Of glibc's mallopt: M_ARENA_MAX."""
 
 _END_S = 10.0
-"""Seconds for an orderly end, after which the process prints a traceback and ends. Set by hand."""
+"""Seconds for an orderly end, after which the process prints a traceback and ends."""
 
 
 class _Stop:

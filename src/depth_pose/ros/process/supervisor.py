@@ -56,7 +56,7 @@ _LONGEST_LOOK_S = 0.5
 """Maximum seconds that one check can add to a silence or a wait: the machine itself may have been paused."""
 
 _FIRST_DELAY_S, _MAX_DELAY_S = 0.1, 10.0
-"""Seconds before a process that died young twice is restarted; doubles up to the maximum. Set by hand."""
+"""Seconds before a process that died young twice is restarted; doubles up to the maximum."""
 
 HEALTHY_S = 3.0
 """A process that was ready for at least this long (s) before its last sign of life restarts at once.

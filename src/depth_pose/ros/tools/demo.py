@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from depth_pose.evaluate.score import Score
 
 _QUIET_S, _FIRST_S = 3.0, 15.0
-"""Seconds without a further, or the first, answer after which the rest counts as dropped. Set by hand."""
+"""Seconds without a further, or the first, answer after which the rest counts as dropped."""
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,10 @@ from depth_pose.ros.process.runner import on_stop
 from depth_pose.ros.process.security import init_context
 
 _TICK_S = 0.05
-"""Maximum wait for a message between checks for a stop signal, seconds. Set by hand."""
+"""Maximum wait for a message between checks for a stop signal, seconds."""
 
 _DISCOVER_S = 3.0
-"""Time limit for finding publishers, and then for a first message, seconds. Set by hand."""
+"""Time limit for finding publishers, and then for a first message, seconds."""
 
 
 def wait_until(condition: Callable[[], bool], turns: Callable[[float], Iterator[None]]) -> bool:

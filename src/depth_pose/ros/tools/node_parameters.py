@@ -15,7 +15,7 @@ from depth_pose.ros.process.shared_memory import with_account_advice
 from depth_pose.ros.tools.listener import listener, wait_until
 
 _ANSWER_S = 10.0
-"""Seconds to wait for a node's answer: it answers between two frames. Set by hand."""
+"""Seconds to wait for a node's answer: it answers between two frames."""
 
 _HOME = "/depth_pose/"
 """Namespace of a node that is given without one."""

@@ -29,29 +29,29 @@ _DEPTH = 100
 
 _DISCOVER_S, _MOST_DISCOVER_S = 1.0, 5.0
 """Seconds for running nodes to find the publishers, least and most, without ``--wait-for``. On one machine
-they took 0.1 to 0.6 s. Set by hand."""
+they took 0.1 to 0.6 s."""
 
 _SETTLE_S, _MOST_SETTLE_S = 0.2, 2.0
 """Seconds, least and most, between the last subscriber's discovery and the first message.
 
 A publisher finds a subscriber before the subscriber finds the publisher, and messages sent in between are
-lost. The wait is as long as the discovery took, since both take longer on a busy machine. Set by hand.
+lost. The wait is as long as the discovery took, since both take longer on a busy machine.
 """
 
 _LONGEST_LOOK_S = 0.1
 """Maximum seconds that one check for subscribers adds to these times, in case the machine was paused."""
 
 _ACKNOWLEDGED_S = 5.0
-"""Time limit for reliable subscribers to acknowledge the last messages, seconds. Set by hand."""
+"""Time limit for reliable subscribers to acknowledge the last messages, seconds."""
 
 _MOST_GAP_S = 3600.0
-"""Maximum gap between messages, seconds; a longer one (a wrong clock) is skipped. Set by hand."""
+"""Maximum gap between messages, seconds; a longer one (a wrong clock) is skipped."""
 
 _LAST_CLOCK_NS = (1 << 31) * 1_000_000_000 - 1
 """Maximum time of a ``/clock`` message, nanoseconds."""
 
 _AHEAD = 32
-"""Messages read ahead of their time: about a second of images. Set by hand."""
+"""Messages read ahead of their time: about a second of images."""
 
 
 @dataclass

@@ -12,7 +12,7 @@ _LATCHED = ("/tf_static", "/robot_description")
 """Topics that are latched, even if a recording does not say so (REP 105, urdf)."""
 
 _MOST_TEXT = 1 << 16
-"""Maximum number of characters of profiles. Set by hand: a profile has 400."""
+"""Maximum number of characters of profiles; a profile has 400."""
 
 
 def qos_text(offers: Sequence[Any]) -> str:

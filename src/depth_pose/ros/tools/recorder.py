@@ -19,20 +19,20 @@ from depth_pose.ros.process.security import init_context
 from depth_pose.ros.tools.recorded_qos import qos_text
 
 _LOOK_EVERY_S = 0.05
-"""Seconds between two checks for new topics. Set by hand."""
+"""Seconds between two checks for new topics."""
 
 _SETTLE_S = 0.2
 """Seconds for discovery on both sides: a publisher may find the recorder last."""
 
 _DRAIN_S = 2.0
-"""Time limit, after the stop, for messages that have arrived by then, seconds. Set by hand."""
+"""Time limit, after the stop, for messages that have arrived by then, seconds."""
 
 _QUIET_TURNS, _TURN_S = 3, 0.02
 """Number and maximum duration (s) of spins without a message after which all have been received: one spin may
-handle another event, and delivered messages appear a moment later. Set by hand."""
+handle another event, and delivered messages appear a moment later."""
 
 _QUEUE = 1000
-"""Queue length of a topic's messages. Set by hand."""
+"""Queue length of a topic's messages."""
 
 _INTERNAL = ("/parameter_events", "/rosout")
 

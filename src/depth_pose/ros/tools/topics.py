@@ -19,7 +19,7 @@ _SETTLED_S = 1.0
 """Seconds without a new topic after which the list is complete; discovery takes 0.1 s with our profile."""
 
 _MOST_VALUES = 8
-"""Number of values of a long array that are shown. Set by hand."""
+"""Number of values of a long array that are shown."""
 
 _WAITING = 16
 """Number of messages that may wait to be printed."""

@@ -46,7 +46,7 @@ _BARE_EVERY_NS = 100_000_000
 """Time between frames shown without skeletons, which may still arrive."""
 
 _LOOK_S = 0.5
-"""Time between checks of topics and their publishers, seconds. Set by hand."""
+"""Time between checks of topics and their publishers, seconds."""
 _ANSWER_S = 2.0
 """Time limit for a node to answer a service, seconds."""
 

@@ -24,10 +24,10 @@ from depth_pose.ros.transport.depth_sources import DepthSource, depth_sources
 from depth_pose.ros.transport.intake import frame_qos
 
 _DISCOVER_S, _SETTLE_S = 10.0, 1.5
-"""Time limit for finding a topic, and time for which the list must be stable, seconds. Set by hand."""
+"""Time limit for finding a topic, and time for which the list must be stable, seconds."""
 
 _MESSAGE_S = 3.0
-"""Time limit for an image, whose encoding shows whether it is depth, seconds. Set by hand."""
+"""Time limit for an image, whose encoding shows whether it is depth, seconds."""
 
 _KINDS = {schemas.IMAGE: Image, schemas.COMPRESSED: CompressedImage}
 

@@ -13,11 +13,10 @@ MOST = 3
 """Maximum number of frames in flight; 2 are as good on two cores, and keep fewer cores busy on more."""
 
 LONGEST_S = 0.2
-"""Seconds after which the next frame begins anyway, since an answer may never arrive. Set by hand."""
+"""Seconds after which the next frame begins anyway, since an answer may never arrive."""
 
 QUIET_S = 1.0
-"""Seconds without any answer after which frames no longer wait, since the recovery node may be paused. Set by
-hand."""
+"""Seconds without any answer after which frames no longer wait, since the recovery node may be paused."""
 
 
 class FramesInFlight:

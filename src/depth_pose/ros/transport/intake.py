@@ -21,13 +21,13 @@ RELIABLE_DEPTH = 4
 
 _SAME_PUBLISHER = 5
 """Number of messages with increasing numbers that prove a single publisher, since a killed driver stays
-listed for 20 s. Set by hand."""
+listed for 20 s."""
 
 NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 """No event callbacks: each makes every wait of the executor longer, and nodes report problems themselves."""
 
 LOG_EVERY_S = 5.0
-"""Minimum time between log messages of the same kind, seconds. Set by hand."""
+"""Minimum time between log messages of the same kind, seconds."""
 
 
 @dataclass(frozen=True)

@@ -20,13 +20,13 @@ Array = NDArray[np.float64]
 
 _GRAVITY = 9.80665
 _AT_REST = 0.05
-"""A reading that differs from gravity by more than this share is not from a sensor at rest. Set by hand."""
+"""A reading that differs from gravity by more than this share is not from a sensor at rest."""
 _EVERY_S = 0.02
-"""Minimum time between readings used: some IMUs send a thousand a second. Set by hand."""
+"""Minimum time between readings used: some IMUs send a thousand a second."""
 _SHARE = 0.05
-"""Weight of a new reading; about half a second of readings counts. Set by hand."""
+"""Weight of a new reading; about half a second of readings counts."""
 _FEWEST = 10
-"""Number of readings before the IMU is used. Set by hand."""
+"""Number of readings before the IMU is used."""
 
 
 class Level:

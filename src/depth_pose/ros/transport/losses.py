@@ -12,7 +12,7 @@ BUSY_TIMES_KEPT = 64
 """Number of busy times remembered, two seconds' worth at 30 frames a second."""
 
 _SLACK_NS = 5_000_000
-"""A frame this close to a busy time may have arrived within it. Set by hand."""
+"""A frame this close to a busy time may have arrived within it."""
 
 _MOST_LOOKED_FOR = 1000
 """Maximum number of missing frames that are attributed, as after hours without a network."""

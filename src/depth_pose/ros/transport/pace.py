@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 FIRST_S, EVERY_S = 10.0, 60.0
-"""Seconds of the first window, so that a slow machine is named soon, and of each later one. Set by hand."""
+"""Seconds of the first window, so that a slow machine is named soon, and of each later one."""
 
 _ENOUGH = 0.9
-"""Share of the sensor's frames that must be answered. Set by hand."""
+"""Share of the sensor's frames that must be answered."""
 
 
 class Pace:

@@ -20,7 +20,7 @@ from depth_pose.ros.transport.tf import Transforms, stamped, tf_message
 Array = NDArray[np.float64]
 
 _SETTLE_S = 2.0
-"""Seconds to wait for other publishers' transforms before a camera's is published; set by hand."""
+"""Seconds to wait for other publishers' transforms before a camera's is published."""
 
 
 class RoomPoses:

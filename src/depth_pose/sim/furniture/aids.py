@@ -10,7 +10,7 @@ from depth_pose.sim.shapes import Assembly, Kind, random_albedo
 Array = NDArray[np.float64]
 
 _SPOKES, _RIM_POINTS = 7, 24
-"""Spokes and rim points of a wheelchair's large wheels. Set by hand."""
+"""Spokes and rim points of a wheelchair's large wheels."""
 
 
 def make_wheelchair(

@@ -22,7 +22,7 @@ from depth_pose.volume.hull import SurfaceVoxels
 from depth_pose.volume.learn.performances import TRAINING_SHAPES, Performance, rig_eyes, watch, watch_around
 
 DEPTH_VIEWS = 16
-"""Directions from which a depth camera may see the person: 22.5 degrees apart. Set by hand; not swept."""
+"""Directions from which a depth camera may see the person: 22.5 degrees apart."""
 
 INPUTS = ("silhouettes", "depth")
 

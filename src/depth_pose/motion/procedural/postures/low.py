@@ -241,15 +241,15 @@ LIE = (
     Kind("rest", 1.0, _on_front, _lying_turn(172, 188)),
     Kind("rest", 0.8, _reclined, _lying_turn(-6, 6)),
 )
-"""Ways to lie; weights set by hand."""
+"""Ways to lie, with their weights."""
 KNEEL = (
     Kind("free", 1.0, _kneel_up),
     Kind("free", 1.0, _on_heels),
     Kind("free", 1.2, _one_knee),
     Kind("free", 1.0, _work_low),
 )
-"""Ways to kneel; weights set by hand."""
+"""Ways to kneel, with their weights."""
 SQUAT = (Kind("free", 1.0, of_family("squats")), Kind("free", 1.2, _deep_squat))
-"""Ways to squat; weights set by hand."""
+"""Ways to squat, with their weights."""
 CRAWL = (Kind("support", 1.0, _crawl),)
 """The way to crawl."""

@@ -52,7 +52,7 @@ KINDS: dict[str, tuple[Kind, ...]] = {
 """The kinds of every posture."""
 
 _MOST_ROUNDS = 20
-"""Maximum number of draws for enough valid postures; beyond it is an error. Set by hand."""
+"""Maximum number of draws for enough valid postures; beyond it is an error."""
 
 
 @dataclass(frozen=True)

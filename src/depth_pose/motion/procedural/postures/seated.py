@@ -29,7 +29,7 @@ from depth_pose.motion.procedural.postures.parts import (
 Array = NDArray[np.float64]
 
 HIP_ABOVE_SEAT_M = 0.14
-"""Height of the hips above the seat, metres. Set by hand, not swept."""
+"""Height of the hips above the seat, metres."""
 
 
 def _lower(draw: Draw, low: tuple[float, float], trunk: tuple[Array, Array], far: Array) -> Array:
@@ -220,4 +220,4 @@ SIT = (
     Kind("read", 1.2, _reading, raised=True),
     Kind("free", 1.1, _on_floor),
 )
-"""Ways to sit, lengths in metres; weights set by hand."""
+"""Ways to sit, lengths in metres, with their weights."""

@@ -257,7 +257,7 @@ STAND = (
     Kind("carry", 1.3, _stand(_carry)),
     Kind("hold", 0.5, of_family("hold_things")),
 )
-"""Ways to stand; weights set by hand."""
+"""Ways to stand, with their weights."""
 WALK = (
     Kind("free", 4.0, of_family("walk")),
     Kind("free", 1.5, of_family("walk_gesture")),
@@ -267,13 +267,13 @@ WALK = (
     Kind("carry", 0.9, _carry_walking),
     Kind("read", 0.9, _talk_walking),
 )
-"""Ways to walk; weights set by hand."""
+"""Ways to walk, with their weights."""
 BEND = (
     Kind("free", 2.0, of_family("bends")),
     Kind("free", 2.5, _pick_up),
     Kind("free", 1.0, _reach_low),
 )
-"""Ways to bend; weights set by hand."""
+"""Ways to bend, with their weights."""
 REACH = (
     Kind("free", 1.5, of_family("reach_around")),
     Kind("free", 2.0, _reach_forward),
@@ -281,10 +281,10 @@ REACH = (
     Kind("free", 0.7, _reach_low),
     Kind("free", 0.6, of_family("wash_window")),
 )
-"""Ways to reach; weights set by hand."""
+"""Ways to reach, with their weights."""
 LEAN = (
     Kind("support", 2.5, _on_table),
     Kind("free", 1.5, _against),
     Kind("free", 1.0, _aside),
 )
-"""Ways to lean; weights set by hand."""
+"""Ways to lean, with their weights."""
