@@ -3,7 +3,7 @@
 Every number that a module of ``depth_pose.analysis`` defines, and those of `depth_pose.export.floor`, is a
 row. The columns: walks whose cadence is known, mean errors of cadence (%) and of step length (cm), rises
 counted, error of their time (ms), error of the sway's root mean square (mm), and errors of the floor that
-feet show: height (cm) and tilt (degrees). "same" is a report that is equal to the last digit.
+feet show: height of the sensor (cm) and tilt (degrees). "same" is a report that is equal to the last digit.
 """
 
 from __future__ import annotations
