@@ -23,10 +23,10 @@ HALF_WIDTH_M = 1.2
 """Half of the side that a descriptor image covers, metres of a person of scale 1."""
 
 DEPTH_LIMIT_M = 0.5
-"""Maximum depth relative to the centroid (m), about an arm's reach; set by hand, not swept."""
+"""Maximum depth relative to the centroid (m), about an arm's reach; set by hand."""
 
 FOREGROUND_LEVEL = 0.8
-"""Value of a cell at the centroid's depth, so that the silhouette counts as well as the depth; not swept."""
+"""Value of a cell at the centroid's depth, so that the silhouette counts as well as depth; set by hand."""
 
 
 @dataclass(frozen=True)

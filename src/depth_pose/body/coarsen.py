@@ -9,8 +9,8 @@ from depth_pose.body.normals import vertex_normals
 from depth_pose.core.farthest_points import farthest_rows, nearest_points
 
 _WEIGHT_M = 0.25
-"""Distance in space (m) that weighs as much as belonging to another segment. Set by hand; not swept; checked
-by ``test/body/test_coarsen.py``.
+"""Distance in space (m) that weighs as much as belonging to another segment;
+``test/body/test_coarsen.py`` checks the result.
 """
 
 

@@ -17,7 +17,7 @@ _TRUNK = ("pelvis", "spine", "chest", "neck")
 _LIMBS = ("clavicle", "shoulder", "elbow", "wrist", "hip", "knee", "ankle", "foot")
 
 _SLACK = 0.03
-"""Maximum height of a node above a trunk bone assigned to it, in statures. Set by hand; not swept."""
+"""Maximum height of a node above a trunk bone assigned to it, in statures."""
 
 
 def model_turn(name: str, heads: Array, found: dict[str, int]) -> Array:

@@ -17,13 +17,13 @@ CHANNELS = 8
 """Features of a pixel; `fill_features` lists them."""
 
 _NEAR, _FAR = np.float32(0.2), np.float32(12.0)
-"""Depths outside this range are invalid, metres. Set by hand, not swept."""
+"""Depths outside this range are invalid, metres. Set by hand."""
 
 _UNIT_M = 0.5
 """Unit of depths relative to the torso, which are clipped at `FARTHEST` units."""
 
 FARTHEST = 2.4
-"""In units of `_UNIT_M`: 1.2 m. Set by hand, not swept."""
+"""In units of `_UNIT_M`: 1.2 m. Set by hand."""
 
 
 STRAIGHTEST = np.float32(1e-4)

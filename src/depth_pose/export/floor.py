@@ -37,7 +37,7 @@ _TOE_SHARE = 0.024
 """Height of the toe base above a standing person's sole, as a share of stature: measured on skinned bodies
 (.018 to .026). The .044 of `rest_nodes` is that of the back of the foot."""
 _SURE = 0.5
-"""Minimum confidence of a toe base used for the floor. Set by hand, not swept."""
+"""Minimum confidence of a toe base used for the floor. Set by hand."""
 _STANDING_COS = np.cos(np.radians(25.0))
 """Maximum angle between trunk and shanks of a standing person. Set by hand."""
 _FEET_SPREAD_M = 0.04
@@ -56,9 +56,9 @@ _LEAST_STANDING = 0.4
 _FAR_M = 100.0
 """Feet farther from the camera than this (m) are beyond the range of depth sensors; set by hand."""
 _ROUNDS = 8
-"""Number of reweighted fits of the plane. Set by hand, not swept."""
+"""Number of reweighted fits of the plane. Set by hand."""
 _FRAMES = 12
-"""Maximum number of depth images searched for the floor. Set by hand, not swept."""
+"""Maximum number of depth images searched for the floor. Set by hand."""
 _SAME_COS, _SAME_M = np.cos(np.radians(20.0)), 0.4
 """Maximum difference of a floor in the images from the estimate by feet, which errs by 5 degrees and 10 cm; a
 table is higher. Set by hand."""

@@ -18,7 +18,7 @@ from depth_pose.core.rotations import nearest_rotation
 Array = NDArray[np.float64]
 
 _OFFSET_WEIGHT = 3.0
-"""Weight of a metre of the pelvis's offset relative to a matrix entry of 1. Set by hand; not swept."""
+"""Weight of a metre of the pelvis's offset relative to a matrix entry of 1. Set by hand."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from depth_pose.volume.learn.performances import Performance
 Array = NDArray[np.float64]
 
 _SCALE_M = 0.03
-"""Distance from the surface at which the trust in a vertex is one half, metres. Set by hand; not swept."""
+"""Distance from the surface at which the trust in a vertex is one half, metres. Set by hand."""
 _EVERY = 10
 """Step between the training frames used."""
 
