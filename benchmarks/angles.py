@@ -237,7 +237,7 @@ def report_constants(arguments: argparse.Namespace, folder: Path) -> None:
         step = true_step(np.load(truth)["joints"].astype(float), cadence, 30.0)
         recordings.append(Known(skeletons, 1.2, 8.0, cadence=cadence, step=step))
     for motion, truth, skeletons in functions(follower):
-        shown = {"rises": 5.0} if motion == "sit_to_stand" else {"sway": true_sway(truth)}
+        shown = {"rises": 6.0} if motion == "sit_to_stand" else {"sway": true_sway(truth)}
         recordings.append(Known(skeletons, 1.2, 8.0, **shown))
     sweep(recordings, arguments.only)
 
