@@ -41,9 +41,8 @@ def main() -> None:
     arguments = parser.parse_args()
     paths = sorted(path for path in arguments.recordings.iterdir() if path.suffix not in (".npz", ".yaml"))
     base = {path: digest_of(path, arguments.frames) for path in paths}
-    print(
-        f"{len(paths)} recordings; read otherwise, of half and of double:\n| | value | | |\n|---|---|---|---|"
-    )
+    print(f"{len(paths)} recordings; those that are read otherwise, with half and with double:")
+    print("| | value | half | double |\n|---|---|---|---|", flush=True)
     for name, module, variable, value in constants(("io",)):
         if name.removeprefix("io.").startswith(tuple(arguments.only)):
             told = []

@@ -32,7 +32,7 @@ from depth_pose.rooms.rig import ROOM_FRAME
 LEAST_S = 1.0
 """Minimum time for which somebody is seen whole to be in a report."""
 MOST_TILT_DEG = 6.0
-"""Maximum deviation of the up direction (degrees) for measures on the floor: it is 12 cm at a
+"""Maximum deviation of the up direction (degrees) for measures on the floor: 12 cm at a
 height of 1.2 m."""
 
 
