@@ -13,7 +13,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from command_line import make_parser
-from parts.constants import FACTORS, changed, constants, times
+from parts.constants import FACTORS, changed, constants, shown, times
 
 from depth_pose.core.errors import InputError
 from depth_pose.io.mcap_read import DepthReader
@@ -50,7 +50,7 @@ def main() -> None:
                 with changed(module, variable, times(value, factor)):
                     others = [p.stem for p in paths if digest_of(p, arguments.frames) != base[p]]
                 told.append(", ".join(others) or "same")
-            print(f"| {name} | {value} | {' | '.join(told)} |", flush=True)
+            print(f"| {name} | {shown(value)} | {' | '.join(told)} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -41,6 +41,7 @@ COMMANDS = [
     ("drivers.py",),
     ("archives.py",),
     *(("angles.py", part) for part in ("angles", "gait", "constants")),
+    ("by_tests.py",),
     ("reading.py",),
     *(("rooms.py", part) for part in ("calibration", "fusion", "constants")),
     *(("rooms_live.py", part) for part in ("merged", "live")),

@@ -21,7 +21,7 @@ from depth_pose.analysis.sway import centre_of_mass
 from depth_pose.core.errors import InputError
 from depth_pose.export import floor as feet_floor
 from depth_pose.export.tracks import read_tracks
-from parts.constants import FACTORS, changed, constants, times
+from parts.constants import FACTORS, changed, constants, shown, times
 
 HEAD = "walks | cadence % | step cm | rises | rise ms | sway mm | floor cm | floor deg |"
 """Columns of a change."""
@@ -125,7 +125,7 @@ def sweep(recordings: list[Known], only: list[str]) -> None:
             for factor in FACTORS:
                 with changed(module, variable, times(value, factor)):
                     told.append(change(recordings, base, digests))
-            print(f"| {name} | {value} | {' | '.join(told)} |", flush=True)
+            print(f"| {name} | {shown(value)} | {' | '.join(told)} |", flush=True)
 
 
 def of_reports() -> Iterator[tuple]:

@@ -4,12 +4,12 @@
     python benchmarks/accuracy.py constants DATA DATA2 --only track detect.background
 
 DATA are folders of recordings with truth files, of one person or of several. Every number of
-`depth_pose.tuning.Tuning`, and every number in a module of detect, track, denoise, match, refine and recover
-that is no kernel and no index, is a row: the change of the mean joint error (mm), of the share of joints
-within 10 cm (whoever is not found misses all), of the numbers of false people and of changes of id, and of
-the processor time of a frame (ms), for half and for double. "same" is a run whose skeletons are equal bit for
-bit. For the stages after detection, detection runs once. Constants that kernels have compiled in do not
-change here.
+`depth_pose.tuning.Tuning`, and every number in a module of detect, track, denoise, match, refine and
+recover that is no kernel and no index, alone or in a short table, is a row: the change of the mean joint
+error (mm), of the share of joints within 10 cm (whoever is not found misses all), of the numbers of false
+people and of changes of id, and of the processor time of a frame (ms), for half and for double. "same" is a
+run whose skeletons are equal bit for bit. For the stages after detection, detection runs once. Constants
+that kernels have compiled in do not change here.
 """
 
 from __future__ import annotations
@@ -44,6 +44,9 @@ FIRST, LATER = ("detect", "track", "denoise"), ("match", "refine", "recover")
 """Folders of the stage that finds people, and of those after it."""
 
 FACTORS = (0.5, 2.0)
+
+_TABLE = 100
+"""Arrays of so many numbers are tables that are computed."""
 
 
 class Clip:
@@ -87,12 +90,19 @@ def constants(folders: tuple[str, ...] = FIRST + LATER) -> Iterator[tuple[str, M
 
 
 def is_number(value: object) -> bool:
-    """Check that a value can be halved and doubled: a number other than 0, or a pair of them."""
-    return (
-        all(map(is_number, value)) and len(value) == 2
-        if isinstance(value, tuple)
-        else type(value) in (int, float, np.float64) and bool(value)
-    )
+    """Check that a value can be halved and doubled: a number other than 0, or a few of them."""
+    match value:
+        case tuple():
+            few = not hasattr(value, "_fields") and all(
+                isinstance(part, int | float | tuple) for part in value
+            )
+            return few and any(map(is_number, value))
+        case dict():
+            return is_number(tuple(value.values()))
+        case np.ndarray():
+            return value.dtype.kind == "f" and 0 < value.size < _TABLE
+        case _:
+            return type(value) in (int, float, np.float64) and bool(value)
 
 
 def defined(module: ModuleType) -> Iterator[str]:
@@ -177,7 +187,7 @@ def main() -> None:
 
     def report(name: str, value: float, changing: Iterator[PosePipeline]) -> None:
         told = [change(pipeline, whole=name.startswith(FIRST)) for pipeline in changing]
-        print(f"| {name} | {value:g} | {' | '.join(told)} |", flush=True)
+        print(f"| {name} | {shown(value)} | {' | '.join(told)} |", flush=True)
 
     def is_asked(name: str) -> bool:
         return name.startswith(tuple(arguments.only))
@@ -204,8 +214,27 @@ def rebuilt(bank: Bank, module: ModuleType, variable: str, value: float) -> Iter
             yield PosePipeline(bank)
 
 
+def shown(value: Any) -> str:
+    """Return a number, or the first of a few of them, for a table."""
+    match value:
+        case tuple() | np.ndarray():
+            return f"{shown(value[0])}, ..."
+        case dict():
+            return f"{shown(next(iter(value.values())))}, ..."
+        case _:
+            return f"{value:g}"
+
+
 def times(value: Any, factor: float) -> Any:
-    """Return a number, or both of a pair, times a factor; counts stay whole."""
-    if isinstance(value, tuple):
-        return tuple(times(part, factor) for part in value)
-    return max(1, round(factor * value)) if isinstance(value, int) else factor * value
+    """Return a number, or a few of them, times a factor; counts stay whole."""
+    match value:
+        case tuple():
+            return tuple(times(part, factor) for part in value)
+        case dict():
+            return {name: times(part, factor) for name, part in value.items()}
+        case bool():
+            return value
+        case int():
+            return max(1, round(factor * value)) if value else 0
+        case _:
+            return factor * value

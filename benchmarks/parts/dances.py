@@ -41,7 +41,7 @@ from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.pipeline import VolumePipeline
 from depth_pose.volume.synchroniser import ViewSet
 from depth_pose.volume.tuning import LearnTuning
-from parts.constants import FACTORS, changed, constants, times
+from parts.constants import FACTORS, changed, constants, shown, times
 
 TEST_SEEDS = (11, 12, 13)
 """Performances of the three test dancers; training uses 1 to 10, settings were chosen on 101, 102."""
@@ -261,7 +261,7 @@ def sweep(dances: list[str], only: list[str]) -> None:
                     changes.append(f"{error() - base:+.2f}")
                 except (ValueError, IndexError) as failure:
                     changes.append(f"out of range: {failure}")
-        rows.append([name, f"{value}", *changes])
+        rows.append([name, shown(value), *changes])
         print(" | ".join(rows[-1]), flush=True)
     print(f"\n{base:.2f}°; change:")
     table([["", "value", "half", "double"], *rows])

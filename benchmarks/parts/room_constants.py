@@ -34,7 +34,7 @@ from depth_pose.rooms.calibration_record import RecordSetting
 from depth_pose.rooms.rigfile import Rig, load_rig
 from depth_pose.rooms.watching import Watch, Watched, watch_all
 from depth_pose.track.person_view import FramePeople
-from parts.constants import FACTORS, changed, constants, times
+from parts.constants import FACTORS, changed, constants, shown, times
 from parts.displacement import displacement
 from parts.room_fusion import fitted, merged, scored
 
@@ -154,4 +154,4 @@ def sweep(folder: Path, seconds: float, only: list[str]) -> None:
                 for factor in FACTORS:
                     with changed(module, variable, times(value, factor)):
                         told.append(change(fuses=not short.startswith(("calibration", "background"))))
-                print(f"| {name} | {value} | {' | '.join(told)} |", flush=True)
+                print(f"| {name} | {shown(value)} | {' | '.join(told)} |", flush=True)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from command_line import make_parser
@@ -27,7 +27,7 @@ from depth_pose.evaluate.score_people import match_people, score_matches
 from depth_pose.evaluate.truth import KnownPeople, load_known_people
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.track.tracks import PeopleTracks
-from parts.constants import FACTORS, changed, constants, times
+from parts.constants import FACTORS, changed, constants, shown, times
 
 _MODULES = ("track.likeness.", "track.tracks.", "track.person_odds.", "track.state.")
 
@@ -105,10 +105,10 @@ def main() -> None:
             "same | | |" if names == base.names else " | ".join(f"{n:+d}" for n in numbers - base.numbers)
             for numbers, names in results
         ]
-        print(f"| {name} | {value:g} | {' | '.join(told)} |", flush=True)
+        print(f"| {name} | {shown(value)} | {' | '.join(told)} |", flush=True)
 
 
-def results_of(clips: list[Clip]) -> Iterator[tuple[str, float, list[Result]]]:
+def results_of(clips: list[Clip]) -> Iterator[tuple[str, Any, list[Result]]]:
     """Give each constant's name, value, and results for half and double."""
     for name, module, variable, value in constants():
         if name.startswith(_MODULES):
