@@ -1,4 +1,4 @@
-"""Changes of a net (ONNX): weights in 16 bits and back, images of any size, integers that are copied."""
+"""Changes of a net (ONNX): weights in 16 bits and back, images of any size, integers that are moved."""
 
 from __future__ import annotations
 
@@ -110,3 +110,42 @@ def move_integers(path: Path) -> None:
             reader.input[k] = name
     onnx.checker.check_model(model)
     onnx.save(model, path)
+
+
+def double_by_copies(path: Path) -> None:
+    """Let a net double images by copying rows, with the same answers; a resize looks up every value.
+
+    Channels are moved last, as integer convolutions have them, so the run time moves nothing.
+    """
+    model = onnx.load(path)
+    graph = model.graph
+    for axes, factors in (("wide", [1, 1, 2, 1]), ("tall", [1, 2, 2, 1])):
+        graph.initializer.append(numpy_helper.from_array(np.array(factors, np.int64), axes))
+    for node in [n for n in graph.node if n.op_type == "Resize"]:
+        name, at = node.name, list(graph.node).index(node)
+        graph.node.remove(node)
+
+        last, sides, rows, doubled = (f"{name}_{part}" for part in ("last", "sides", "rows", "doubled"))
+        steps = [
+            _node("Transpose", last, node.input[0], perm=[0, 2, 3, 1]),
+            _node("Shape", sides, last),
+            _node("Mul", f"{sides}_wide", sides, "wide"),
+            _node("Mul", f"{sides}_tall", sides, "tall"),
+            _node("Concat", f"{rows}_pairs", last, last, axis=3),
+            _node("Reshape", rows, f"{rows}_pairs", f"{sides}_wide"),
+            _node("Concat", f"{rows}_twice", rows, rows, axis=2),
+            _node("Reshape", doubled, f"{rows}_twice", f"{sides}_tall"),
+            _node("Transpose", node.output[0], doubled, perm=[0, 3, 1, 2]),
+        ]
+        for step in reversed(steps):
+            graph.node.insert(at, step)
+    used = {name for node in graph.node for name in node.input}
+    for tensor in [t for t in graph.initializer if t.name not in used]:
+        graph.initializer.remove(tensor)
+    onnx.checker.check_model(model)
+    onnx.save(model, path)
+
+
+def _node(kind: str, output: str, *inputs: str, **options: object) -> onnx.NodeProto:
+    """Return a node with one output, named as that."""
+    return helper.make_node(kind, inputs, [output], name=output, **options)

@@ -24,7 +24,7 @@ import numpy as np
 import onnx
 import typer
 from numpy.typing import NDArray
-from onnx_weights import free_sides, halve, move_integers, widen
+from onnx_weights import double_by_copies, free_sides, halve, move_integers, widen
 from onnxruntime.quantization import CalibrationDataReader, QuantFormat, QuantType, quantize_static
 from onnxruntime.quantization.shape_inference import quant_pre_process
 from rich.progress import track
@@ -136,6 +136,7 @@ def main(
         if name == "people_finder":  # wide views have a larger image
             free_sides(out / f"{name}.onnx")
         move_integers(out / f"{name}.onnx")
+        double_by_copies(out / f"{name}.onnx")
         digest = hashlib.sha256((out / f"{name}.onnx").read_bytes()).hexdigest()
         settings = {"weights_sha256": digest, "trained_sha256": settings["weights_sha256"]} | {
             key: value for key, value in settings.items() if key != "weights_sha256"
