@@ -165,7 +165,7 @@ def main(
                 name + k: v for name, c in apart.items() for k, v in train_joints.score(average, c).items()
             }
             Console().print_json(
-                json.dumps({"crops": (step + 1) * batch, "unlike": float(like)} | scores), indent=None
+                json.dumps({"crops": (step + 1) * batch, "unlike": like.item()} | scores), indent=None
             )
 
 
