@@ -13,7 +13,8 @@ from hashlib import sha256
 from pathlib import Path
 
 from command_line import make_parser
-from parts.constants import FACTORS, changed, constants, shown, times
+from parts.changed_constant.factors import FACTORS, times
+from parts.constants import changed, constants, shown
 
 from depth_pose.core.errors import InputError
 from depth_pose.io.mcap_read import DepthReader

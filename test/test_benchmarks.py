@@ -64,3 +64,20 @@ def test_every_command_loads_and_says_what_it_does(command):
     assert "usage:" in done.stdout
     row = next(r for r in (BENCHMARKS / "README.md").read_text().splitlines() if f"| `{name}" in r)
     assert all(f"{p}`" in row for p in part)
+
+
+def test_a_constant_changes_before_anything_is_derived_from_it() -> None:
+    """Also in modules that copied it, and in processes that a process starts."""
+    program = (
+        "import subprocess, sys\n"
+        "from depth_pose.io import image_folder\n"
+        "from depth_pose.core.image_size import MAX_SIDE\n"
+        "print(image_folder._FPS, '60 a second' in image_folder._NO_TIMES, MAX_SIDE)\n"
+        "if sys.argv[1:]: subprocess.run([sys.executable, '-c', sys.argv[1]], check=True)\n"
+    )
+    paths = [BENCHMARKS / "parts" / "changed_constant", BENCHMARKS.parent / "src"]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, paths))}
+    environment["CHANGED_CONSTANT"] = "depth_pose.io.image_folder:_FPS:2.0"
+    command = [sys.executable, "-c", program, program]
+    out = subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout
+    assert out.split() == ["60.0", "True", "8192"] * 2

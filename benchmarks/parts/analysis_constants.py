@@ -21,7 +21,8 @@ from depth_pose.analysis.sway import centre_of_mass
 from depth_pose.core.errors import InputError
 from depth_pose.export import floor as feet_floor
 from depth_pose.export.tracks import read_tracks
-from parts.constants import FACTORS, changed, constants, shown, times
+from parts.changed_constant.factors import FACTORS, times
+from parts.constants import changed, constants, shown
 
 HEAD = "walks | cadence % | step cm | rises | rise ms | sway mm | floor cm | floor deg |"
 """Columns of a change."""

@@ -8,22 +8,32 @@ DATA are folders of recordings with truth files, of one person or of several. Ev
 recover that is no kernel and no index, alone or in a short table, is a row: the change of the mean joint
 error (mm), of the share of joints within 10 cm (whoever is not found misses all), of the numbers of false
 people and of changes of id, and of the processor time of a frame (ms), for half and for double. "same" is a
-run whose skeletons are equal bit for bit. For the stages after detection, detection runs once. Constants
-that kernels have compiled in do not change here.
+run whose skeletons are equal bit for bit. For the stages after detection, detection runs once.
+
+    python benchmarks/accuracy.py constants DATA --compiled --only refine._score_kernels
+
+Numbers that kernels have compiled in: each value in a process with compilations of its own, which takes
+minutes.
 """
 
 from __future__ import annotations
 
 import ast
 import inspect
+import os
 import pkgutil
+import re
+import subprocess
+import sys
 import time
+from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from hashlib import sha256
 from importlib import import_module
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import ModuleType
 from typing import Any
 
@@ -39,11 +49,12 @@ from depth_pose.io.mcap_read import DepthReader
 from depth_pose.pipeline import PosePipeline
 from depth_pose.track.person_view import FramePeople
 from depth_pose.tuning import Tuning
+from parts.changed_constant.factors import FACTORS, environment, times
 
 FIRST, LATER = ("detect", "track", "denoise"), ("match", "refine", "recover")
 """Folders of the stage that finds people, and of those after it."""
 
-FACTORS = (0.5, 2.0)
+_TOLD = "{} mm, {} within 10 cm, {} false, {} changes of id, {} ms a frame"
 
 _TABLE = 100
 """Arrays of so many numbers are tables that are computed."""
@@ -76,12 +87,14 @@ def tuned() -> Iterator[tuple[str, str, str, float]]:
                 yield f"{stage}.{field}", stage, field, value
 
 
-def constants(folders: tuple[str, ...] = FIRST + LATER) -> Iterator[tuple[str, ModuleType, str, float]]:
-    """Give the numbers that modules define: name, module, variable and value."""
+def constants(
+    folders: tuple[str, ...] = FIRST + LATER, *, compiled: bool = False
+) -> Iterator[tuple[str, ModuleType, str, float]]:
+    """Give the numbers that modules, or kernels, define: name, module, variable and value."""
     for folder in folders:
         package = import_module(f"depth_pose.{folder}")
         for found in pkgutil.iter_modules(package.__path__):
-            if not found.name.endswith("kernels"):
+            if found.name.endswith("kernels") is compiled:
                 module = import_module(f"depth_pose.{folder}.{found.name}")
                 for name in defined(module):
                     value = getattr(module, name)
@@ -153,13 +166,54 @@ def run(pipeline: PosePipeline, clips: list[Clip], *, whole: bool) -> tuple[np.n
     return np.array(numbers), digest.hexdigest()
 
 
+def compiled_anew(arguments: Namespace, name: str, factor: float) -> np.ndarray:
+    """Return what `run` does, of a process whose kernels have another value of a constant compiled in."""
+    command = [sys.executable, sys.argv[0], "constants", *arguments.data, "--frames", arguments.frames]
+    module, _, variable = name.rpartition(".")
+    with TemporaryDirectory() as folder:
+        added = environment(f"{module}:{variable}", factor) | {"NUMBA_CACHE_DIR": folder}
+        ended = subprocess.run(
+            [*map(str, command), "--only", "nothing"],
+            env=os.environ | added,
+            capture_output=True,
+            text=True,
+        )
+    found = re.match(_TOLD.replace("{}", r"(\S+)"), ended.stdout)
+    if found is None:
+        raise ValueError(ended.stderr.strip().rpartition("\n")[2])
+    return np.array(found.groups(), float)
+
+
+def sweep_compiled(arguments: Namespace) -> None:
+    """Report what numbers in kernels change."""
+    print("| | value | half: mm | within 10 cm | false | ids | ms | double: | | | | |\n|" + "---|" * 12)
+    base: np.ndarray | None = None
+
+    def change(name: str, factor: float) -> str:
+        try:
+            mm, share, false, switches, ms = compiled_anew(arguments, name, factor) - base
+        except ValueError as error:
+            return f"failed: {error} | | | |"
+        return f"{mm:+.1f} | {share:+.3f} | {false:+.0f} | {switches:+.0f} | {ms:+.1f}"
+
+    for name, _, _, value in constants(compiled=True):
+        if name.startswith(tuple(arguments.only)):
+            base = compiled_anew(arguments, name, 1.0) if base is None else base
+            told = " | ".join(change(name, factor) for factor in FACTORS)
+            print(f"| {name} | {shown(value)} | {told} |", flush=True)
+
+
 def main() -> None:
     """Run and report."""
     parser = make_parser(__doc__)
     parser.add_argument("data", type=Path, nargs="+", help="folders of NAME.mcap with NAME.npz")
     parser.add_argument("--frames", type=int, default=20, help="of each recording, from its beginning")
     parser.add_argument("--only", nargs="*", default=[""], help="beginnings of names")
+    parser.add_argument("--compiled", action="store_true", help="the numbers of kernels")
     arguments = parser.parse_args()
+    if arguments.compiled:
+        sweep_compiled(arguments)
+        return
     bank = Bank.load(default_bank_path())
     pipeline = PosePipeline(bank)
     pipeline.warm_up()
@@ -169,9 +223,8 @@ def main() -> None:
     for clip in clips:
         clip.perceive(pipeline)
     base = {whole: run(pipeline, clips, whole=whole) for whole in (True, False)}
-    mm, share, false, switches, ms = base[True][0]
-    print(f"{mm:.1f} mm, {share:.3f} within 10 cm, {false:.0f} false, {switches:.0f} changes of id, "
-          f"{ms:.1f} ms a frame; half, double:")  # fmt: skip
+    numbers = (f"{value:.{digits}f}" for value, digits in zip(base[True][0], (1, 3, 0, 0, 1), strict=True))
+    print(_TOLD.format(*numbers) + "; half, double:")
     columns = "mm | within 10 cm | false | ids | ms |"
     print(f"| | value | {columns} {columns}\n|{'---|' * 12}")
 
@@ -223,18 +276,3 @@ def shown(value: Any) -> str:
             return f"{shown(next(iter(value.values())))}, ..."
         case _:
             return f"{value:g}"
-
-
-def times(value: Any, factor: float) -> Any:
-    """Return a number, or a few of them, times a factor; counts stay whole."""
-    match value:
-        case tuple():
-            return tuple(times(part, factor) for part in value)
-        case dict():
-            return {name: times(part, factor) for name, part in value.items()}
-        case bool():
-            return value
-        case int():
-            return max(1, round(factor * value)) if value else 0
-        case _:
-            return factor * value

@@ -41,7 +41,8 @@ from depth_pose.volume.model import VolumeModel
 from depth_pose.volume.pipeline import VolumePipeline
 from depth_pose.volume.synchroniser import ViewSet
 from depth_pose.volume.tuning import LearnTuning
-from parts.constants import FACTORS, changed, constants, shown, times
+from parts.changed_constant.factors import FACTORS, times
+from parts.constants import changed, constants, shown
 
 TEST_SEEDS = (11, 12, 13)
 """Performances of the three test dancers; training uses 1 to 10, settings were chosen on 101, 102."""

@@ -34,7 +34,8 @@ from depth_pose.rooms.calibration_record import RecordSetting
 from depth_pose.rooms.rigfile import Rig, load_rig
 from depth_pose.rooms.watching import Watch, Watched, watch_all
 from depth_pose.track.person_view import FramePeople
-from parts.constants import FACTORS, changed, constants, shown, times
+from parts.changed_constant.factors import FACTORS, times
+from parts.constants import changed, constants, shown
 from parts.displacement import displacement
 from parts.room_fusion import fitted, merged, scored
 

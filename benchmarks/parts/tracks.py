@@ -27,7 +27,8 @@ from depth_pose.evaluate.score_people import match_people, score_matches
 from depth_pose.evaluate.truth import KnownPeople, load_known_people
 from depth_pose.io.mcap_read import DepthReader
 from depth_pose.track.tracks import PeopleTracks
-from parts.constants import FACTORS, changed, constants, shown, times
+from parts.changed_constant.factors import FACTORS, times
+from parts.constants import changed, constants, shown
 
 _MODULES = ("track.likeness.", "track.tracks.", "track.person_odds.", "track.state.")
 
