@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -117,6 +118,14 @@ class Bank:
         """Return the pose of a matched exemplar in the camera frame."""
         rotations = candidate.rotation @ self.rotations(candidate.exemplar)
         return BodyPose(rotations, candidate.translation, scale)
+
+    def poses_of(self, candidates: Sequence[Candidate], scale: float) -> list[BodyPose]:
+        """Return the poses of matched exemplars, as `pose` does of one."""
+        rotations = quat_to_matrix(self.pose_quats[[c.exemplar for c in candidates]].astype(np.float64))
+        return [
+            BodyPose(c.rotation @ own, c.translation, scale)
+            for c, own in zip(candidates, rotations, strict=True)
+        ]
 
     def rounded(self) -> Bank:
         """Return the bank as it is read back from its file."""

@@ -84,17 +84,46 @@ def plane_inliers(samples, normals, areas, plane, tolerance):
 
 
 @njit(cache=True)
-def without(samples, normals, areas, on):
-    """Return the samples, with their normals and areas, that are not selected by ``on``."""
-    rest = np.empty_like(samples), np.empty_like(normals), np.empty_like(areas)
+def fit_plane(samples, normals, areas, plane, tolerance, rounds, fewest, on):
+    """Move ``plane`` to the samples near it, until these stay the same, and mark them in ``on``.
+
+    Returns their total area, and their standard deviation along the plane's narrower side.
+    """
+    area, width = 0.0, 0.0
+    for n in range(rounds):
+        near, area = plane_inliers(samples, normals, areas, plane, tolerance)
+        is_settled = n > 0 and (near == on).all()
+        on[:] = near
+        if is_settled:
+            break
+        count, middle, covariance = moments(samples, on)
+        if count < fewest:
+            break
+        variances, axes = np.linalg.eigh(covariance)
+        plane[:3] = axes[:, 0]
+        plane[3] = plane[0] * middle[0] + plane[1] * middle[1] + plane[2] * middle[2]
+        width = np.sqrt(max(variances[1], 0.0))
+    return area, width
+
+
+@njit(cache=True)
+def add_near(samples, plane, tolerance, on):
+    """Mark in ``on`` also the samples whose distance from a plane is a smaller share of their range."""
+    for i in range(samples.shape[0]):
+        p = samples[i]
+        off = abs(p[0] * plane[0] + p[1] * plane[1] + p[2] * plane[2] - plane[3])
+        on[i] = on[i] or off < tolerance * p[2]
+
+
+@njit(cache=True)
+def remove(samples, normals, areas, on):
+    """Remove the samples of ``on``, and their normals and areas; return how many are left, in front."""
     count = 0
     for i in range(samples.shape[0]):
         if not on[i]:
-            for a in range(3):
-                rest[0][count, a], rest[1][count, a] = samples[i, a], normals[i, a]
-            rest[2][count] = areas[i]
+            samples[count], normals[count], areas[count] = samples[i], normals[i], areas[i]
             count += 1
-    return rest[0][:count], rest[1][:count], rest[2][:count]
+    return count
 
 
 @njit(cache=True)

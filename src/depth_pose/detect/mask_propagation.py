@@ -113,7 +113,9 @@ class MaskPropagation:
             return found, None
         labels, is_returned = found.labels.copy(), np.zeros(found.labels.shape, np.bool_)
         strong = [p.label for p in found.people if p.probability >= _WEAK]
-        is_free = ~np.isin(labels, strong)
+        is_free_label = np.ones(256, np.bool_)
+        is_free_label[strong] = False
+        is_free = is_free_label[labels]
         is_still = np.abs(found.depth - was.depth) < _STILL_M
         for person in was.people:
             shown = is_still & (before.shown == person.label)

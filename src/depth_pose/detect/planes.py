@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,6 +32,10 @@ _SAMPLES = 2500
 """Approximate number of image points searched for planes. Half loses .004, double .007."""
 _SEARCH_EVERY = 15
 """Frames between searches for new planes."""
+_ROUNDS, _FEWEST = 4, 10
+"""Maximum number of fits of one plane, each to the samples near the last, and fewest samples of one."""
+_LEVEL = math.cos(math.radians(40.0))
+"""Share of a normal along the camera's vertical from which a plane is one of `FLOOR_AREA_M2`."""
 
 Array = NDArray[np.float64]
 
@@ -96,27 +102,17 @@ class _Samples:
     def draw(cls, points: NDArray[np.float32], camera: Camera) -> _Samples:
         return cls(*kernels.draw_samples(points, _SAMPLES, max(2, points.shape[0] // 36), camera.fx))
 
-    def take(self, plane: Array) -> Array | None:
+    def take(self, guess: Array) -> Array | None:
         """Fit a plane to the samples near it and remove those; None if there is none, or it is small."""
-        area, width = 0.0, 0.0
-        inliers = np.zeros(len(self.points), np.bool_)
-        for n in range(4):
-            before = inliers
-            inliers, area = kernels.plane_inliers(self.points, self.normals, self.areas, plane, _TOLERANCE)
-            if n and (inliers == before).all():  # converged
-                break
-            count, middle, covariance = kernels.moments(self.points, inliers)
-            if count < 10:
-                break
-            variances, axes = np.linalg.eigh(covariance)
-            plane = np.array([*axes[:, 0], axes[:, 0] @ middle])
-            width = float(np.sqrt(max(variances[1], 0.0)))  # along the narrower side
+        plane, inliers = guess.copy(), np.zeros(len(self.points), np.bool_)
+        area, width = kernels.fit_plane(
+            self.points, self.normals, self.areas, plane, _TOLERANCE, _ROUNDS, _FEWEST, inliers
+        )
         is_plane = _is_large(plane, area, width)
         if is_plane:  # its noisy points must not form another plane
-            inliers |= np.abs(self.points @ plane[:3] - plane[3]) < 2.5 * _TOLERANCE * self.points[:, 2]
-        self.points, self.normals, self.areas = kernels.without(
-            self.points, self.normals, self.areas, inliers
-        )
+            kernels.add_near(self.points, plane, 2.5 * _TOLERANCE, inliers)
+        count = kernels.remove(self.points, self.normals, self.areas, inliers)
+        self.points, self.normals, self.areas = self.points[:count], self.normals[:count], self.areas[:count]
         return plane if is_plane else None
 
 
@@ -135,6 +131,6 @@ def _search(room: _Samples, most: int) -> list[Array]:
 
 
 def _is_large(plane: Array, area: float, width: float) -> bool:
-    if abs(plane[1]) > np.cos(np.radians(40)):
+    if abs(plane[1]) > _LEVEL:
         return area >= FLOOR_AREA_M2 and width >= FLOOR_WIDTH_M
     return area >= WALL_AREA_M2 and width >= WALL_WIDTH_M

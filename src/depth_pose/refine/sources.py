@@ -36,7 +36,7 @@ def from_previous(pose: BodyPose | None, scale: float) -> list[Hypothesis]:
 
 def from_exemplars(match: PoseMatch, scale: float, bank: Bank) -> list[Hypothesis]:
     """Return the matched exemplars, at the size in use."""
-    return [Hypothesis(bank.pose(c, scale), "exemplar") for c in match.candidates]
+    return [Hypothesis(pose, "exemplar") for pose in bank.poses_of(match.candidates, scale)]
 
 
 def from_joints(body: Body, pose: BodyPose, measured: JointMeasurement | None) -> list[Hypothesis]:
