@@ -37,7 +37,7 @@ def failures(constant: str, factor: float, tests: list[Path], seconds: float) ->
         )
     except subprocess.TimeoutExpired:
         return f"not done after {seconds:g} s"
-    names = re.findall(r"^(?:FAILED|ERROR) (?:\S+::)?(\S+)", ended.stdout, re.MULTILINE)
+    names = re.findall(r"^(?:FAILED|ERROR) [^:]+::(.+?)(?: - .*)?$", ended.stdout, re.MULTILINE)
     if names or ended.returncode == 0:
         return f"{len(names)}: {', '.join(names)}" if names else "none"
     return f"pytest ended with {ended.returncode}: {ended.stderr.strip().rpartition(chr(10))[2]}"
