@@ -115,7 +115,7 @@ def is_number(value: object) -> bool:
         case np.ndarray():
             return value.dtype.kind == "f" and 0 < value.size < _TABLE
         case _:
-            return type(value) in (int, float, np.float64) and bool(value)
+            return type(value) in (int, float, np.float32, np.float64) and bool(value)
 
 
 def defined(module: ModuleType) -> Iterator[str]:
@@ -168,7 +168,8 @@ def run(pipeline: PosePipeline, clips: list[Clip], *, whole: bool) -> tuple[np.n
 
 def compiled_anew(arguments: Namespace, name: str, factor: float) -> np.ndarray:
     """Return what `run` does, of a process whose kernels have another value of a constant compiled in."""
-    command = [sys.executable, sys.argv[0], "constants", *arguments.data, "--frames", arguments.frames]
+    program = Path(__file__).resolve().parents[1] / "accuracy.py"
+    command = [sys.executable, program, "constants", *arguments.data, "--frames", arguments.frames]
     module, _, variable = name.rpartition(".")
     with TemporaryDirectory() as folder:
         added = environment(f"{module}:{variable}", factor) | {"NUMBA_CACHE_DIR": folder}

@@ -116,8 +116,7 @@ class Bank:
 
     def pose(self, candidate: Candidate, scale: float) -> BodyPose:
         """Return the pose of a matched exemplar in the camera frame."""
-        rotations = candidate.rotation @ self.rotations(candidate.exemplar)
-        return BodyPose(rotations, candidate.translation, scale)
+        return self.poses_of([candidate], scale)[0]
 
     def poses_of(self, candidates: Sequence[Candidate], scale: float) -> list[BodyPose]:
         """Return the poses of matched exemplars, as `pose` does of one."""
