@@ -108,7 +108,7 @@ def fit_plane(samples, normals, areas, plane, tolerance, rounds, fewest, on):
 
 @njit(cache=True)
 def add_near(samples, plane, tolerance, on):
-    """Mark in ``on`` also the samples whose distance from a plane is a smaller share of their range."""
+    """Mark in ``on`` also the samples whose distance from a plane is below this share of their range."""
     for i in range(samples.shape[0]):
         p = samples[i]
         off = abs(p[0] * plane[0] + p[1] * plane[1] + p[2] * plane[2] - plane[3])
