@@ -120,15 +120,15 @@ class Timed:
 
 @contextmanager
 def timed_parts(pipeline: PosePipeline) -> Iterator[tuple[Timed, ...]]:
-    """Time the finder, the joint net and the denoising of the first stage."""
+    """Time the finder, the joint nets and the denoising of the first stage."""
     segmenter = pipeline.perception.segmenter
-    finder, net = segmenter.candidates.finder, segmenter.joint_net
-    parts = Timed(finder.find), Timed(net.look), Timed(perception.denoise_depth)
-    finder.find, net.look, perception.denoise_depth = parts
+    finder = segmenter.candidates.finder
+    parts = Timed(finder.find), Timed(segmenter._look_at), Timed(perception.denoise_depth)
+    finder.find, segmenter._look_at, perception.denoise_depth = parts
     try:
         yield parts
     finally:
-        del finder.find, net.look
+        del finder.find, segmenter._look_at
         perception.denoise_depth = denoise_depth
 
 

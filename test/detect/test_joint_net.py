@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import replace
 from importlib import resources
 
 import numpy as np
@@ -28,7 +29,7 @@ from depth_pose.detect.crop import Crop
 from depth_pose.detect.crop_mask import add_and_remove, refuse
 from depth_pose.detect.joint_calibration import DeviationScale, PersonOdds
 from depth_pose.detect.joint_codec import JointCodec, JointCodes
-from depth_pose.detect.joint_net import VotingNet
+from depth_pose.detect.joint_net import QUICK, THOROUGH, VotingNet
 from depth_pose.detect.learned_segmenter import LearnedSegmenter
 from depth_pose.detect.net import read_weights
 from depth_pose.sim.scenes import sample_scene
@@ -51,11 +52,10 @@ def sample(depth, labels, look):
     return grid, whose
 
 
-def test_weights_are_those_that_the_settings_were_made_for():
-    model = read_weights("joint_finder.onnx")
-    settings = json.loads(
-        (resources.files("depth_pose.detect") / "weights" / "joint_finder.json").read_text()
-    )
+@pytest.mark.parametrize("name", [THOROUGH, QUICK])
+def test_weights_are_those_that_the_settings_were_made_for(name):
+    model = read_weights(f"{name}.onnx")
+    settings = json.loads((resources.files("depth_pose.detect") / "weights" / f"{name}.json").read_text())
     assert hashlib.sha256(model).hexdigest() == settings["weights_sha256"]
     assert len(model) < 3_000_000
 
@@ -182,13 +182,39 @@ def test_it_looks_again_without_the_wall_that_was_taken_for_a_part_of_the_person
     assert apart.mean() < 0.008  # without the second look .010 and .011
 
 
+@pytest.mark.parametrize("name", [THOROUGH, QUICK])
 @pytest.mark.parametrize("torso", [(0.0, 0.0, 0.3), (4.0, -3.0, 1.0), (0.0, 0.0, 9.0)])
-def test_where_nobody_is_it_answers_in_numbers(torso):
+def test_where_nobody_is_it_answers_in_numbers(torso, name):
     blank = np.zeros((syn.CAMERA.height, syn.CAMERA.width), np.float32)
-    seen = VotingNet().look(Crop(blank, blank.astype(np.uint8), syn.CAMERA, 1, np.array(torso), 0.5))
+    net = VotingNet(name=name)
+    seen = net.look(Crop(blank, blank.astype(np.uint8), syn.CAMERA, 1, np.array(torso), 0.5))
     assert np.isfinite(seen.places).all()
     assert (seen.confidence > 0).all()
     assert 0 < seen.probability < 1
+
+
+def test_at_high_speed_the_quick_net_follows_the_thorough_one():
+    segmenter, asked = LearnedSegmenter(SegmentConfig(speed="high")), []
+    body = syn.posed(syn.arms_down(), distance=2.6)
+
+    class Told:
+        def __init__(self, name, net):
+            self.name, self.net = name, net
+
+        def look(self, crop):
+            asked.append(self.name)
+            return self.net.look(crop)
+
+    segmenter.joint_net = Told(THOROUGH, segmenter.joint_net)
+    segmenter.quick_net = Told(QUICK, segmenter.quick_net)
+    frame = scene(body)
+    for k in range(6):
+        seen = segmenter.segment(replace(frame, stamp_ns=k * 33_000_000)).detections
+    assert len(seen) == 1
+    assert asked == [THOROUGH] + [QUICK] * (len(asked) - 1)
+    assert len(asked) > 1
+    error = np.linalg.norm(seen[0].measured.places - body.nodes[JOINT_NODES], axis=1)
+    assert np.median(error) < 0.12
 
 
 def test_both_looks_count_for_whether_it_is_a_person():

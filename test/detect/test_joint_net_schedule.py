@@ -31,14 +31,15 @@ class Watcher:
 
     def __init__(self, every: int = 2, probability: float = 0.99, speed: str = "normal") -> None:
         self.looks, self.probability, self.told = JointNetSchedule(every, speed), probability, 0
+        self.sigma_m, self.quick = 0.05, 0
         self.stamp_ns = 10**18
         self.depth = np.full((24, 32), 3.0, np.float32)
 
-    def look(self, person: TorsoDetection) -> JointMeasurement:
-        self.told += 1
+    def look(self, person: TorsoDetection, is_quick: bool) -> JointMeasurement:
+        self.told, self.quick = self.told + 1, self.quick + is_quick
         return JointMeasurement(
             places=np.tile(person.torso, (19, 1)).astype(np.float32),
-            sigma=np.full((19, 2), 0.05, np.float32),
+            sigma=np.full((19, 2), self.sigma_m, np.float32),
             confidence=np.full(19, 0.8, np.float32),
             heels=np.tile([*person.torso, 0.05, 0.05], (2, 1)).astype(np.float32),
             probability=self.probability,
@@ -47,7 +48,7 @@ class Watcher:
 
     def see(self, *people: TorsoDetection, step_ns: int = STEP_NS, moves: slice | None = slice(None)) -> int:
         """Return the number of people looked at in the next frame, in which rows of their surface move."""
-        self.stamp_ns, self.told = self.stamp_ns + step_ns, 0
+        self.stamp_ns, self.told, self.quick = self.stamp_ns + step_ns, 0, 0
         self.depth = self.depth.copy()
         if moves is not None:
             self.depth[moves] += np.float32(0.1)
@@ -199,3 +200,24 @@ def test_people_who_stand_still_are_seen_the_same_in_between() -> None:
             # who was looked at in another frame has that frame's noise
             assert (apart < 0.02 + b.measured.sigma.max(axis=1)[:, None]).all()
             assert a.probability == pytest.approx(b.probability, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("speed", "probability", "sigma_m", "quick"),
+    [
+        ("high", 0.99, 0.05, True),
+        ("normal", 0.99, 0.05, False),
+        ("high", 0.85, 0.05, False),  # may be no person
+        ("high", 0.99, 0.15, False),  # a limb is hidden
+    ],
+)
+def test_who_was_measured_well_is_measured_quickly(
+    speed: str, probability: float, sigma_m: float, quick: bool
+) -> None:
+    watcher = Watcher(probability=probability, speed=speed)
+    watcher.sigma_m = sigma_m
+    # also after a frame in which the measurement was reused
+    told = [(watcher.see(at(0.02 * k)), watcher.quick) for k in range(4)]
+    assert told[0] == (1, 0), "nobody new"
+    assert sum(fast for _, fast in told) == (sum(count for count, _ in told[1:]) if quick else 0)
+    assert sum(count for count, _ in told) > 1

@@ -67,13 +67,13 @@ class _Seen(nn.Module):
         return mask, torso
 
 
-def export_joint_net(checkpoint: Path, target: Path) -> bytes:
-    """Write a checkpoint of the joint net as ONNX, with the names of `joint_net.Answer`."""
-    net = JointNet()
-    inputs = {
-        name: (crop_kernels.CHANNELS, side, side)
-        for name, side in (("features", SIDE), ("middle", len(net.middle)))
-    }
+def export_joint_net(net: JointNet, checkpoint: Path, target: Path) -> bytes:
+    """Write a checkpoint of the joint net as ONNX, with the names of `joint_net.Answer`.
+
+    The fine net alone has no second input, which is the coarse one's.
+    """
+    sides = {"features": SIDE} | ({"middle": len(net.middle)} if hasattr(net, "coarse") else {})
+    inputs = {name: (crop_kernels.CHANNELS, side, side) for name, side in sides.items()}
     outputs = ["landmarks", "log_error", "behind", "person", "mask"]
     return _export(_load(net, checkpoint), target, inputs, outputs)
 

@@ -1,6 +1,7 @@
 """Write a checkpoint of the joint net for release, with the odds that combine it with the finder's answer.
 
 python tools/people_finder/export_joints.py runs/joints/last.pt sightings/val.npz build/weights
+python tools/people_finder/export_joints.py fine.pt sightings/val.npz build/quick --alone
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import numpy as np
 import typer
 from fit_deviations import UNFITTED
 from joint_net import CELL_M, LEAST_WIDTH_M, SIDE, JointNet
+from leave_out_coarse import FineNet
 from numpy.typing import NDArray
 from sightings import Sightings
 
@@ -27,14 +29,15 @@ _THINGS = 0.2
 """Share of objects among the finder's detections in rooms, two of five of which hold lookalikes."""
 
 
-def logits_of(model: bytes, found: Sightings) -> NDArray[np.float64]:
+def logits_of(model: bytes, net: JointNet, found: Sightings) -> NDArray[np.float64]:
     """Return the logits of both looks, (N, 2)."""
     session = open_net(model)
-    rows, second = JointNet().middle.numpy(), []
+    rows, second = net.middle.numpy(), []
     for k in range(len(found)):
-        features = found.batch(np.array([k]), None).features
-        middle = features[:, :, rows][..., rows]
-        second.append(session.run(["person"], {"features": features, "middle": middle})[0].item())
+        given = {"features": found.batch(np.array([k]), None).features}
+        if hasattr(net, "coarse"):
+            given["middle"] = given["features"][:, :, rows][..., rows]
+        second.append(session.run(["person"], given)[0].item())
     return np.stack([[logit(float(p)) for p in found.probability], second], axis=1)
 
 
@@ -58,18 +61,17 @@ def main(
     sightings: Annotated[Path, typer.Argument(help="Sightings that it was not trained on (.npz)")],
     out: Annotated[Path, typer.Argument(help="Folder for joint_finder.onnx and .json")],
     note: Annotated[str, typer.Option(help="How the net was trained, for the record")] = "",
+    alone: Annotated[bool, typer.Option("--alone", help="The fine net alone (leave_out_coarse.py)")] = False,
 ) -> None:
     """Write the net and its provenance."""
-    model = export_joint_net(checkpoint, out / "joint_finder.onnx")
+    net = FineNet() if alone else JointNet()
+    model = export_joint_net(net, checkpoint, out / "joint_finder.onnx")
     found = Sightings.load(sightings)
-    person = fit_odds(logits_of(model, found), found.is_person)
-    code = hash_code(JOINT_CODE, JOINT_FEATURES)
-    crop = {
-        "side": SIDE,
-        "middle": JointNet().middle.tolist(),
-        "cell_m": CELL_M,
-        "least_width_m": LEAST_WIDTH_M,
-    }
+    person = fit_odds(logits_of(model, net, found), found.is_person)
+    code = hash_code(JOINT_CODE + ("leave_out_coarse.py",) * alone, JOINT_FEATURES)
+    crop = {"side": SIDE, "cell_m": CELL_M, "least_width_m": LEAST_WIDTH_M}
+    if not alone:
+        crop["middle"] = net.middle.tolist()
     settings = {"person": person.tolist(), "deviations": UNFITTED, **crop}
     write_settings(out / "joint_finder.json", model, code, training=note, **settings)
 

@@ -1,4 +1,4 @@
-"""Make the people finder's weights from scratch: scenes, training, verifier, the joint net, its deviations.
+"""Make the people finder's weights from scratch: scenes, training, verifier, joint nets, their deviations.
 
     pip install -e '.[train]'
     python tools/people_finder/make_weights.py build/people_finder
@@ -10,6 +10,7 @@ twelve hours on 2 cores.
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -32,6 +33,8 @@ _CROPS, _FALL = 2_300_000, 300_000
 """The joint net's training: crops at the highest rate, and while it falls. Set by hand."""
 _FRESH = 0.6
 """New close-ups for each crop that is no sighting, each of another person: a million in all. Set by hand."""
+_FINE_CROPS = 200_000
+"""Crops of the quick net's training. Set by hand."""
 _COARSE = ("git", "show", "fe355e5:src/depth_pose/people/weights/joint_finder.onnx")
 """Its coarse net is the one released before, with floats."""
 
@@ -79,6 +82,17 @@ def main(
     call("export_joints.py", joints / "last.pt", found_apart, folder / "weights", "--note", note)
     call("quantise.py", folder / "weights", folder / "integers")
     call("fit_deviations.py", folder / "integers")
+    fine, quick = folder / "fine.pt", folder / "quick"
+    if not fine.exists():
+        call("leave_out_coarse.py", joints / "last.pt", fine, "--sightings", found, "--crops", _FINE_CROPS)
+    shutil.copytree(folder / "weights", quick / "weights", dirs_exist_ok=True)  # the finder, too
+    note = f"{_FINE_CROPS} crops, taught by both nets"
+    call("export_joints.py", fine, found_apart, quick / "weights", "--alone", "--note", note)
+    call("quantise.py", quick / "weights", quick / "integers")
+    call("fit_deviations.py", quick / "integers")
+    for kind in ("onnx", "json"):
+        made, named = quick / "integers" / f"joint_finder.{kind}", f"quick_joint_finder.{kind}"
+        shutil.copyfile(made, folder / "integers" / named)
 
 
 def call(script: str, *arguments: object) -> None:

@@ -46,8 +46,8 @@ _KEPT = {
         "/mask/Conv",
     ),
 }
-"""Convolutions that stay in 32 bits. With the coarse net's last in 8 as well its joints move by 25 mm
-(median), with its first three by 9 instead of 6."""
+"""Convolutions that stay in 32 bits; the fine net alone has none of the coarse ones. With the coarse net's
+last in 8 as well its joints move by 25 mm (median), with its first three by 9 instead of 6."""
 
 _SEED, _FRAMES, _EVERY, _MOST = 77, 12, 4, 100
 """Seed of the rooms, frames of each, every n-th of which is used, and number of inputs to find a range."""
@@ -94,10 +94,11 @@ def watch(weights: Path, rooms: int) -> dict[str, list[Features]]:
 
 def quantise(source: Path, target: Path, inputs: list[Features]) -> None:
     """Write a net whose convolutions, except those of `_KEPT`, use integers."""
-    kept = list(_KEPT[source.stem])
+    model = onnx.load(source)
+    has_coarse = any(n.name.startswith("/coarse/") for n in model.graph.node)
+    kept = [name for name in _KEPT[source.stem] if has_coarse or not name.startswith("/coarse/")]
     with TemporaryDirectory() as folder:
         wide, ready = Path(folder) / "wide.onnx", Path(folder) / "ready.onnx"
-        model = onnx.load(source)
         if missing := set(kept) - {n.name for n in model.graph.node}:
             raise typer.BadParameter(f"{source} has no layer {', '.join(sorted(missing))}")
         widen(model)

@@ -68,7 +68,7 @@ def all_values() -> dict[str, Any]:
     from depth_pose.volume.config import VolumeConfig
     from depth_pose.volume.tuning import VolumeTuning
 
-    nets = ("people_finder.onnx", "joint_finder.onnx")
+    nets = ("people_finder.onnx", "joint_finder.onnx", "quick_joint_finder.onnx")
     return {
         "version": __version__,
         "weights": {name: hashlib.sha256(read_weights(name)).hexdigest()[:16] for name in nets},

@@ -56,7 +56,8 @@ class SegmentConfig(Checked):
     speed: str = option(
         "normal",
         "low: everybody is measured and fitted anew in every frame; normal: who has not moved keeps the last "
-        "measurement for a while; high: everybody keeps it for one frame; learned only",
+        "measurement for a while; high: everybody keeps it for one frame, whoever was measured well is "
+        "measured by a smaller net; learned only",
         choices=("low", "normal", "high"),
     )
     most_people: int = option(0, "Maximum number of people, the nearest; 0: all", low=0, high=254)

@@ -8,7 +8,8 @@ vote (Xiong et al. 2019, *A2J*); it also predicts the deviation of each in the i
 whether the person is seen from behind. Hidden joints are inferred from the others, with larger deviations.
 Last, it predicts the probability that this is a person and not an object, trained on the finder's detections.
 Its four parts are `crop`, the net itself, `joint_codec` and `joint_calibration`. ``tools/people_finder``
-makes the weights; their settings hold the size of the crop.
+makes the weights; their settings hold the size of the crop. There are two nets: `THOROUGH`, which also sees
+the crop at a coarser scale, and `QUICK`, the same without that, for people who were measured well before.
 """
 
 from __future__ import annotations
@@ -33,6 +34,9 @@ from depth_pose.detect.net import open_net, read_weights
 _OUTPUTS = ["landmarks", "log_error", "behind", "person", "mask"]
 """Outputs of the net."""
 
+THOROUGH, QUICK = "joint_finder", "quick_joint_finder"
+"""Names of the packaged nets; the second has .75 of the first's multiplications and takes .65 of its time."""
+
 _JOINT_COUNT = len(JOINTS)
 
 _DENIED = 0.08
@@ -56,6 +60,8 @@ class VotingNet:
         A folder with a net in place of the packaged one.
     mirror : bool
         Whether to look at the mirror image, too, and to take the mean of both answers.
+    name : str
+        `THOROUGH` or `QUICK`.
 
     Attributes
     ----------
@@ -65,15 +71,15 @@ class VotingNet:
     calibration : JointCalibration
     """
 
-    def __init__(self, weights: Path | None = None, mirror: bool = False) -> None:
+    def __init__(self, weights: Path | None = None, mirror: bool = False, name: str = THOROUGH) -> None:
         self._mirror = mirror
-        settings = json.loads(read_weights("joint_finder.json", weights))
+        settings = json.loads(read_weights(f"{name}.json", weights))
         side = int(settings["side"])
         self.sampler = CropSampler(side, float(settings["cell_m"]))
-        self.session = open_net(read_weights("joint_finder.onnx", weights))
+        self.session = open_net(read_weights(f"{name}.onnx", weights))
         self.codec = JointCodec(float(settings["least_width_m"]))
         self.calibration = JointCalibration.of(settings)
-        self._rows = np.array(settings["middle"])
+        self._rows = np.array(settings.get("middle", []), np.int64)
         self._inputs = _Inputs(side, len(self._rows))
 
     def look(self, crop: Crop) -> JointMeasurement:
@@ -105,20 +111,20 @@ class VotingNet:
 
     def _ask(self, sample: CropSample, label: int) -> JointCodes:
         """Run the net on one crop."""
-        features, middle = self._inputs.features, self._inputs.middle
-        kernels.fill_features(sample.grid, sample.whose, label, sample.view, features[0])
-        kernels.take_pixels(features[0], self._rows, middle[0])
-        given = {"features": features, "middle": middle}
+        given = self._inputs.given
+        kernels.fill_features(sample.grid, sample.whose, label, sample.view, given["features"][0])
+        if "middle" in given:
+            kernels.take_pixels(given["features"][0], self._rows, given["middle"][0])
         places, log_width, behind, person, mask = self.session.run(_OUTPUTS, given)
         return JointCodes(places[0], log_width[0], float(behind[0]), float(person[0]), mask[0])
 
 
 class _Inputs(threading.local):
-    """The net's inputs, whole and middle pixels of a crop; each thread has its own."""
+    """The net's inputs, whole and, where it has a coarse part, middle pixels; each thread has its own."""
 
     def __init__(self, side: int, middle: int) -> None:
-        self.features = np.zeros((1, kernels.CHANNELS, side, side), np.float32)
-        self.middle = np.zeros((1, kernels.CHANNELS, middle, middle), np.float32)
+        sides = {"features": side} | ({"middle": middle} if middle else {})
+        self.given = {n: np.zeros((1, kernels.CHANNELS, s, s), np.float32) for n, s in sides.items()}
 
 
 def _rounded(values: NDArray[np.float64]) -> NDArray[np.float32]:

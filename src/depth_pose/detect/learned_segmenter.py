@@ -21,8 +21,8 @@ from depth_pose.detect.candidates import CandidateFinder, Candidates
 from depth_pose.detect.crop import Crop
 from depth_pose.detect.crop_mask import add_and_remove, refuse
 from depth_pose.detect.finder import TorsoDetection
-from depth_pose.detect.joint_net import JointNet, VotingNet
-from depth_pose.detect.joint_net_schedule import JointNetSchedule, Look
+from depth_pose.detect.joint_net import QUICK, JointNet, VotingNet
+from depth_pose.detect.joint_net_schedule import PACES, JointNetSchedule, Look
 from depth_pose.detect.mask_propagation import MaskPropagation
 from depth_pose.detect.sample_frame import sample_frame
 from depth_pose.detect.segmentation import Detection, Segmentation
@@ -57,7 +57,8 @@ class LearnedSegmenter:
     Attributes
     ----------
     candidates : CandidateFinder
-    joint_net : JointNet
+    joint_net, quick_net : JointNet
+        For everybody, and for people who were measured well; the same at a speed without quick measurements.
     """
 
     def __init__(
@@ -70,6 +71,8 @@ class LearnedSegmenter:
         self.config, self._tuning, self._threads = config, tuning, threads
         self.candidates = CandidateFinder(config, weights, tuning)
         self.joint_net: JointNet = VotingNet(weights, config.mirror)
+        is_quick = PACES[config.speed].is_quick
+        self.quick_net = VotingNet(weights, config.mirror, QUICK) if is_quick else self.joint_net
         self._masks = MaskPropagation(config, tuning)
         self._schedule = JointNetSchedule(tuning.look_every, config.speed)
         self.reset()
@@ -97,7 +100,10 @@ class LearnedSegmenter:
             found, is_returned = self._masks.give_back(self.candidates.find(frame), frame.stamp_ns)
         labels = self.candidates.mark_hidden(found, frame.filled)
         looks = self._schedule.renew(
-            found, frame.stamp_ns, lambda p: self._look_at(p, found, labels), self._threads
+            found,
+            frame.stamp_ns,
+            lambda person, is_quick: self._look_at(person, found, labels, is_quick),
+            self._threads,
         )
         detections = [_detection(p, look) for p, look in zip(found.people, looks, strict=True)]
         sure = tuple(s for s in detections if s.probability >= self._tuning.keep)
@@ -127,10 +133,10 @@ class LearnedSegmenter:
         )
 
     def _look_at(
-        self, person: TorsoDetection, found: Candidates, labels: NDArray[np.uint8]
+        self, person: TorsoDetection, found: Candidates, labels: NDArray[np.uint8], is_quick: bool
     ) -> JointMeasurement:
         """Measure a person's joints in a crop around them, with the probability of a person."""
-        return self.joint_net.look(
+        return (self.quick_net if is_quick else self.joint_net).look(
             Crop(found.depth, labels, found.camera, person.label, person.torso, person.probability)
         )
 
