@@ -103,13 +103,10 @@ def constants(
 
 
 def is_number(value: object) -> bool:
-    """Check that a value can be halved and doubled: a number other than 0, or a few of them."""
+    """Check that a value can be halved and doubled: a number other than 0, or a few of them, named or not."""
     match value:
         case tuple():
-            few = not hasattr(value, "_fields") and all(
-                isinstance(part, int | float | tuple) for part in value
-            )
-            return few and any(map(is_number, value))
+            return any(map(is_number, value))
         case dict():
             return is_number(tuple(value.values()))
         case np.ndarray():
@@ -125,8 +122,9 @@ def defined(module: ModuleType) -> Iterator[str]:
     places += [part for place in places if isinstance(place, ast.Tuple) for part in place.elts]
     indices = {place.id for place in places if isinstance(place, ast.Name)}
     for statement in tree.body:
-        if isinstance(statement, ast.Assign):
-            for name in ast.walk(ast.Tuple(statement.targets)):
+        if isinstance(statement, ast.Assign | ast.AnnAssign):
+            targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
+            for name in ast.walk(ast.Tuple(targets)):
                 if isinstance(name, ast.Name) and name.id not in indices:
                     yield name.id
 
@@ -272,8 +270,8 @@ def shown(value: Any) -> str:
     """Return a number, or the first of a few of them, for a table."""
     match value:
         case tuple() | np.ndarray():
-            return f"{shown(value[0])}, ..."
+            return f"{shown(next(filter(is_number, value)))}, ..."
         case dict():
-            return f"{shown(next(iter(value.values())))}, ..."
+            return f"{shown(next(filter(is_number, value.values())))}, ..."
         case _:
             return f"{value:g}"

@@ -6,6 +6,8 @@ import os
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 FACTORS = (0.5, 2.0)
 
 
@@ -17,15 +19,18 @@ def environment(constant: str, factor: float) -> dict[str, str]:
 
 
 def times(value: Any, factor: float) -> Any:
-    """Return a number, or a few of them, times a factor; counts stay whole."""
+    """Return a number, or those of a table, times a factor; counts stay whole, all else as it is."""
     match value:
         case tuple():
-            return tuple(times(part, factor) for part in value)
+            parts = [times(part, factor) for part in value]
+            return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
         case dict():
             return {name: times(part, factor) for name, part in value.items()}
         case bool():
             return value
         case int():
             return max(1, round(factor * value)) if value else 0
-        case _:
+        case float() | np.floating() | np.ndarray():
             return factor * value
+        case _:
+            return value
