@@ -146,7 +146,7 @@ def _count(measure: Measure) -> str:
 
 
 def _number(measure: Measure) -> str:
-    """Value and deviation with as many digits as the deviation has sense for."""
+    """Format value and deviation with no more digits than the deviation justifies."""
     if measure.deviation == 0.0:
         return f"{measure.value:g}"
     digits = int(np.clip(1 - np.floor(np.log10(max(measure.deviation, 1e-9))), 0, 3))

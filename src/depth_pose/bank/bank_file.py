@@ -44,7 +44,7 @@ _LEAST_STATURE_M, _MOST_STATURE_M = 0.3, 3.0
 """Minimum and maximum height of a bank's body (m), as in `depth_pose.body.files`."""
 
 _MOST_INT16 = 32767
-"""Largest 16-bit integer: that of a quaternion's 1."""
+"""Largest 16-bit integer; stands for 1 in a quaternion."""
 
 _ORIGIN_STEP_M = np.float32(1e-4)
 """Step of the views' origins."""

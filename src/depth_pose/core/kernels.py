@@ -1,8 +1,8 @@
 """Compiled kernels: numba's `njit`, cached on disk wherever a folder can be written.
 
 numba keeps compiled code beside the source, else in the user's cache, and refuses ``cache=True`` where
-neither can be written. A private folder takes their place, also of a cache that another account could write
-to, since cached code is executed; without one, each process compiles its kernels.
+neither can be written. Then, and where another account could write to the cache, a private folder is used,
+since cached code is executed; without one, each process compiles its kernels.
 Where files of the cache are damaged, as a power cut leaves them, their kernel is compiled again.
 """
 

@@ -120,7 +120,7 @@ class VotingNet:
 
 
 class _Inputs(threading.local):
-    """The net's inputs, whole and, where it has a coarse part, middle pixels; each thread has its own."""
+    """The net's inputs: a crop and, if it has a coarse part, some of its pixels. Each thread has its own."""
 
     def __init__(self, side: int, middle: int) -> None:
         sides = {"features": side} | ({"middle": middle} if middle else {})

@@ -1,10 +1,10 @@
 """The times of several cameras: which frames are skipped, and which camera has another time than the others.
 
 A camera's jump must be confirmed by a second frame (`depth_pose.core.stamps`). Where two cameras then differ
-by more than `APART_S`, the one is right whose stamps are near the time of arrival; where neither or both are,
-the one whose time began earlier. The least delay of a few messages counts, since a busy machine is no clock.
-A camera that another one agrees with is never wrong: one camera whose clock jumps is left out, and where all
-begin again, as in a replay, the room does, too.
+by more than `APART_S`, the clock whose stamps are near the time of arrival is right; where neither or both
+are, the one whose time began earlier. The least delay of a few messages counts, since a busy machine is no
+clock. A camera that another one agrees with is never wrong: one camera whose clock jumps is left out, and
+where all begin again, as in a replay, the room does, too.
 """
 
 from __future__ import annotations
