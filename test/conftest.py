@@ -5,7 +5,6 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import re
-from collections import Counter
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any
@@ -37,23 +36,6 @@ TOGETHER = (r"test/ros/test_[a-l]", r"test/ros/|test/fuzz/test_fuzz_nodes", r"te
 _PACKAGE = Path(__file__).parents[1] / "src" / "depth_pose"
 
 
-def pytest_configure(config: pytest.Config) -> None:
-    """Have ``pytest -n`` start files in the order of `pytest_collection_modifyitems`."""
-    config.option.loadscopereorder = False
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Run files with slow tests and those of nodes first, then those of many tests: no process ends alone."""
-    files = Counter(_scope(item.nodeid) for item in items)
-    slow = {_scope(item.nodeid) for item in items if item.get_closest_marker("slow")} | set(TOGETHER[:2])
-    items.sort(key=lambda item: (_scope(item.nodeid) not in slow, -files[_scope(item.nodeid)]))
-
-
-def _scope(nodeid: str) -> str:
-    """Return what is run by one process: a file, or a group of `TOGETHER`."""
-    return next((group for group in TOGETHER if re.match(group, nodeid)), nodeid.partition("::")[0])
-
-
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """Have ``pytest -n`` keep the tests of a file together, which share fixtures, and those `TOGETHER`."""
@@ -61,7 +43,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
     class ByFile(LoadScopeScheduling):
         def _split_scope(self, nodeid: str) -> str:
-            return _scope(nodeid)
+            groups = (group for group in TOGETHER if re.match(group, nodeid))
+            return next(groups, nodeid.partition("::")[0])
 
         def _reschedule(self, node: Any) -> None:
             if node in self.registered_collections:  # not a worker that starts for one that died
