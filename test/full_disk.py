@@ -27,6 +27,7 @@ for arguments in commands:
     if os.fork() == 0:
         os.dup2(theirs, 2)
         os.close(theirs)
+        sys.dont_write_bytecode = True  # Python leaves half of a module's code behind and fails on it later
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
         sys.argv = ["depth-pose", *arguments]
         main()

@@ -47,7 +47,7 @@ def test_weights_are_those_that_the_settings_were_made_for():
     model, settings = load_weights()
     assert hashlib.sha256(model).hexdigest() == settings["weights_sha256"]
     folder = resources.files("depth_pose.detect") / "weights"
-    assert sum(len(path.read_bytes()) for path in folder.iterdir()) < 4_000_000
+    assert sum(len(path.read_bytes()) for path in folder.iterdir()) < 6_000_000
 
 
 @pytest.mark.parametrize("camera", [syn.CAMERA, KINECT, Camera(320, 240, 280.0, 280.0, 159.5, 119.5)])
