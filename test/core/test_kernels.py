@@ -62,6 +62,23 @@ def test_a_damaged_cache_is_compiled_again(script: Path, tmp_path: Path, kind: s
         assert _run(script, NUMBA_CACHE_DIR=str(tmp_path)) == ["285", hits, str(tmp_path)]
 
 
+def test_what_a_full_disk_does_not_take_is_compiled_again(tmp_path: Path) -> None:
+    full, script = tmp_path / "full.py", tmp_path / "kernel.py"
+    limit = """
+import resource, signal, sys
+sys.dont_write_bytecode = True
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # else it ends the process
+resource.setrlimit(resource.RLIMIT_FSIZE, (100, resource.RLIM_INFINITY))
+"""
+    script.write_text(_KERNEL)
+    full.write_text(_KERNEL.replace("print(", f"{limit}print("))
+    cache = tmp_path / "cache"
+    assert _run(full, NUMBA_CACHE_DIR=str(cache)) == ["285", "0", str(cache)]
+    assert not list(cache.rglob("*.nb*"))
+    for hits in ("0", "1"):
+        assert _run(script, NUMBA_CACHE_DIR=str(cache)) == ["285", hits, str(cache)]
+
+
 def test_without_any_folder_each_process_compiles(tmp_path: Path) -> None:
     script = tmp_path / "kernel.py"
     script.write_text("import tempfile\ntempfile.tempdir = '/proc/nothing'\n" + _KERNEL)

@@ -3,13 +3,15 @@
 numba keeps compiled code beside the source, else in the user's cache, and refuses ``cache=True`` where
 neither can be written. Then, and where another account could write to the cache, a private folder is used,
 since cached code is executed; without one, each process compiles its kernels.
-Where files of the cache are damaged, as a power cut leaves them, their kernel is compiled again.
+Where files of the cache are damaged, as a power cut leaves them, their kernel is compiled again; what a full
+disk does not take is compiled again by the next process.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +44,7 @@ def is_compiled(kernel: Any) -> bool:
 
 
 class _MendingCache(FunctionCache):
-    """numba's cache of a function, emptied where its files cannot be read."""
+    """numba's cache of a function: emptied if it cannot be read, left as it is if it cannot be written."""
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the compiled code, or None: not cached, or damaged."""
@@ -52,6 +54,11 @@ class _MendingCache(FunctionCache):
             raise_if_interrupted(error)
             self.flush()
             return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Save compiled code, unless the disk is full."""
+        with suppress(OSError):  # numba removes what it began to write
+            super().save_overload(sig, data)
 
     def has_code(self) -> bool:
         """Return whether there is code of today's source, for any types."""
