@@ -251,6 +251,8 @@ def test_signals_end_it_cleanly(start, number):
         last = process.output.rpartition("KeyboardInterrupt")[2]
         made_of_it = ("ImportError: initialization failed", "RuntimeError: Error calling __set_name__")
         is_interrupted = last != process.output and any(text in last for text in made_of_it)
+        # on a busy machine Python itself may not have started yet
+        is_interrupted = is_interrupted or "init_import_site" in process.output
         assert code in (0, -number) or (number == signal.SIGINT and is_interrupted), process.output
         return seconds
 
