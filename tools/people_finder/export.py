@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from joint_net import SIDE, JointNet
+from joint_net import SIDE, FineNet, JointNet
 from net import FinderNet
 from onnx_weights import halve
 from torch import Tensor, nn
@@ -67,12 +67,12 @@ class _Seen(nn.Module):
         return mask, torso
 
 
-def export_joint_net(net: JointNet, checkpoint: Path, target: Path) -> bytes:
+def export_joint_net(net: FineNet, checkpoint: Path, target: Path) -> bytes:
     """Write a checkpoint of the joint net as ONNX, with the names of `joint_net.Answer`.
 
     The fine net alone has no second input, which is the coarse one's.
     """
-    sides = {"features": SIDE} | ({"middle": len(net.middle)} if hasattr(net, "coarse") else {})
+    sides = {"features": SIDE} | ({"middle": len(net.middle)} if isinstance(net, JointNet) else {})
     inputs = {name: (crop_kernels.CHANNELS, side, side) for name, side in sides.items()}
     outputs = ["landmarks", "log_error", "behind", "person", "mask"]
     return _export(_load(net, checkpoint), target, inputs, outputs)

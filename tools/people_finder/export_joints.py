@@ -12,8 +12,7 @@ from typing import Annotated
 import numpy as np
 import typer
 from fit_deviations import UNFITTED
-from joint_net import CELL_M, LEAST_WIDTH_M, SIDE, JointNet
-from leave_out_coarse import FineNet
+from joint_net import CELL_M, LEAST_WIDTH_M, SIDE, FineNet, JointNet
 from numpy.typing import NDArray
 from sightings import Sightings
 
@@ -29,13 +28,14 @@ _THINGS = 0.2
 """Share of objects among the finder's detections in rooms, two of five of which hold lookalikes."""
 
 
-def logits_of(model: bytes, net: JointNet, found: Sightings) -> NDArray[np.float64]:
+def logits_of(model: bytes, net: FineNet, found: Sightings) -> NDArray[np.float64]:
     """Return the logits of both looks, (N, 2)."""
     session = open_net(model)
-    rows, second = net.middle.numpy(), []
+    second = []
     for k in range(len(found)):
         given = {"features": found.batch(np.array([k]), None).features}
-        if hasattr(net, "coarse"):
+        if isinstance(net, JointNet):
+            rows = net.middle.numpy()
             given["middle"] = given["features"][:, :, rows][..., rows]
         second.append(session.run(["person"], given)[0].item())
     return np.stack([[logit(float(p)) for p in found.probability], second], axis=1)
@@ -64,13 +64,13 @@ def main(
     alone: Annotated[bool, typer.Option("--alone", help="The fine net alone (leave_out_coarse.py)")] = False,
 ) -> None:
     """Write the net and its provenance."""
-    net = FineNet() if alone else JointNet()
+    net: FineNet = FineNet() if alone else JointNet()
     model = export_joint_net(net, checkpoint, out / "joint_finder.onnx")
     found = Sightings.load(sightings)
     person = fit_odds(logits_of(model, net, found), found.is_person)
     code = hash_code(JOINT_CODE + ("leave_out_coarse.py",) * alone, JOINT_FEATURES)
     crop = {"side": SIDE, "cell_m": CELL_M, "least_width_m": LEAST_WIDTH_M}
-    if not alone:
+    if isinstance(net, JointNet):
         crop["middle"] = net.middle.tolist()
     settings = {"person": person.tolist(), "deviations": UNFITTED, **crop}
     write_settings(out / "joint_finder.json", model, code, training=note, **settings)

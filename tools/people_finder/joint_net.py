@@ -194,23 +194,44 @@ def _nearest(cells: int, cell_m: float, others: int, other_m: float) -> Tensor:
     return ((place / other_m + others / 2 - 0.5).round()).clamp(0, others - 1).long()
 
 
-class JointNet(nn.Module):
-    """A crop's features to joints.
+class Fine(NamedTuple):
+    """The fine net's answer, and what else others need of it.
+
+    Attributes
+    ----------
+    answer : Answer
+    trust : (N, J)
+        Logits of the coarse net's joints, beside its own.
+    x4, y8, y4 : (N, C, cells, cells)
+        Channels at a fourth of the resolution on the way down, at an eighth and a fourth on the way up.
+    """
+
+    answer: Answer
+    trust: Tensor
+    x4: Tensor
+    y8: Tensor
+    y4: Tensor
+
+
+class FineNet(nn.Module):
+    """A crop's features to joints, without the coarse net; `leave_out_coarse.py` trains it.
 
     Parameters
     ----------
     widths : tuple of 4 int
         Channels at 1/2, 1/4, 1/8 and 1/16 of the input's resolution.
+    felt : int
+        Number of channels from the coarse net.
     """
 
-    def __init__(self, widths: tuple[int, int, int, int] = (24, 64, 128, 192)) -> None:
+    def __init__(self, widths: tuple[int, int, int, int] = (24, 64, 128, 192), felt: int = 0) -> None:
         super().__init__()
         a, b, c, d = widths
         self.stem = ConvUnit(CHANNELS, a, 5, 2)
         self.down4 = nn.Sequential(ConvUnit(a, b, 3, 2), ConvUnit(b, b))
         self.down8 = nn.Sequential(ConvUnit(b, c, 3, 2), Residual(c), Residual(c))
         self.down16 = nn.Sequential(ConvUnit(c, d, 3, 2), Residual(d))
-        self.squeeze8 = ConvUnit(c + d + _COARSE_WIDTH, 96, 1)
+        self.squeeze8 = ConvUnit(c + d + felt, 96, 1)
         self.up8 = ConvUnit(96, 96)
         self.squeeze4 = ConvUnit(b + 96, b, 1)
         self.up4 = ConvUnit(b, b)
@@ -222,39 +243,45 @@ class JointNet(nn.Module):
         self.look = ConvUnit(d, _PERSON_WIDTH, 1)
         self.person = nn.Linear(2 * _PERSON_WIDTH, 1)
         self.behind = nn.Linear(2 * _PERSON_WIDTH, 1)
-        self.trust = nn.Parameter(torch.full((n,), _TRUST))
-        self.doubt = nn.Parameter(torch.full((n,), _DOUBT))
-        self.coarse = CoarseNet().requires_grad_(False)
         self.register_buffer("cells", _places(_CELLS, STRIDE * CELL_M), persistent=False)
-        self.register_buffer("middle", _nearest(_COARSE_SIDE, _COARSE_CELL_M, SIDE, CELL_M), persistent=False)
-        handed = _nearest(SIDE // 8, 8 * CELL_M, _COARSE_SIDE // 4, 4 * _COARSE_CELL_M)
-        self.register_buffer("handed", handed, persistent=False)
 
-    def vote(self, x: Tensor, middle: Tensor | None = None) -> Answer:
-        """Return the full output, as training needs it; ``middle`` is the coarse net's input, if prepared."""
-        if middle is None:
-            middle = x.index_select(2, self.middle).index_select(3, self.middle)
-        coarse = self.coarse(middle)
-        felt = coarse.felt.index_select(2, self.handed).index_select(3, self.handed)
-        x4 = self.down4(self.stem(x))
+    @classmethod
+    def of(cls, whole: JointNet) -> FineNet:
+        """Return the fine part of a net; the channels that it got from the coarse one are left out."""
+        net, given = cls(), whole.state_dict()
+        state = {name: given[name] for name in net.state_dict()}
+        inputs = net.squeeze8[0].in_channels
+        state["squeeze8.0.weight"] = state["squeeze8.0.weight"][:, :inputs]
+        net.load_state_dict(state)
+        return net
+
+    def upper(self, x4: Tensor, felt: Tensor | None = None) -> Fine:
+        """Return the answer from channels at a fourth of the resolution, and from those of the coarse net."""
         x8 = self.down8(x4)
         x16 = self.down16(x8)
-        y8 = self.up8(self.squeeze8(torch.cat([x8, functional.interpolate(x16, scale_factor=2), felt], 1)))
+        parts = [x8, functional.interpolate(x16, scale_factor=2)] + ([] if felt is None else [felt])
+        y8 = self.up8(self.squeeze8(torch.cat(parts, 1)))
         y4 = self.up4(self.squeeze4(torch.cat([x4, functional.interpolate(y8, scale_factor=2)], 1)))
         votes, heels = self.votes(y4).float().flatten(2), self.heels(y4).float().flatten(2)
         own, said, log_weights = self._count(votes[:, :-1], len(JOINTS))
         heel, heel_error, heel_weights = self._count(heels, _HEELS)
-        share = torch.sigmoid(said[:, :, 2] + self.trust + self.doubt * coarse.log_error)[:, :, None]
-        joints = share * coarse.joints + (1 - share) * own
-        own = torch.cat([own, heel], 1)
-        landmarks, errors = torch.cat([joints, heel], 1), torch.cat([said[:, :, :2], heel_error], 1)
+        landmarks, errors = torch.cat([own, heel], 1), torch.cat([said[:, :, :2], heel_error], 1)
         seen = self.look(x16).float().flatten(2)
         pooled = _pooled(seen).to(x16.dtype)
-        person = coarse.person + self.person(pooled)[:, 0].float()
-        behind = coarse.behind + self.behind(pooled)[:, 0].float() + votes[:, -1].mean(dim=-1)
+        person = self.person(pooled)[:, 0].float()
+        behind = self.behind(pooled)[:, 0].float() + votes[:, -1].mean(dim=-1)
         mask = functional.pixel_shuffle(self.mask(y4).float(), STRIDE)[:, 0]
         log_weights = torch.cat([log_weights, heel_weights], 1)
-        return Answer(landmarks, errors, behind, person, mask, log_weights, own)
+        answer = Answer(landmarks, errors, behind, person, mask, log_weights, landmarks)
+        return Fine(answer, said[:, :, 2], x4, y8, y4)
+
+    def vote(self, x: Tensor) -> Answer:
+        """Return the full output, as training needs it."""
+        return self.upper(self.down4(self.stem(x))).answer
+
+    def forward(self, x: Tensor) -> tuple[Tensor, ...]:
+        """Return the output without what only training needs."""
+        return tuple(self.vote(x)[:5])
 
     def _count(self, votes: Tensor, n: int) -> tuple[Tensor, Tensor, Tensor]:
         """Return the weighted means of votes for ``n`` points, and of what else they say; their weights."""
@@ -263,6 +290,43 @@ class JointNet(nn.Module):
         offsets = votes[:, : 3 * n].unflatten(1, (n, 3)) + self.cells
         said = (votes[:, 4 * n :].unflatten(1, (n, -1)) * weights).sum(dim=-1)
         return (offsets * weights).sum(dim=-1), said, log_weights
+
+
+class JointNet(FineNet):
+    """A crop's features to joints, with the coarse net."""
+
+    def __init__(self) -> None:
+        super().__init__(felt=_COARSE_WIDTH)
+        n = len(JOINTS)
+        self.trust = nn.Parameter(torch.full((n,), _TRUST))
+        self.doubt = nn.Parameter(torch.full((n,), _DOUBT))
+        self.coarse = CoarseNet().requires_grad_(False)
+        self.register_buffer("middle", _nearest(_COARSE_SIDE, _COARSE_CELL_M, SIDE, CELL_M), persistent=False)
+        handed = _nearest(SIDE // 8, 8 * CELL_M, _COARSE_SIDE // 4, 4 * _COARSE_CELL_M)
+        self.register_buffer("handed", handed, persistent=False)
+
+    def both(self, x: Tensor, middle: Tensor | None = None) -> tuple[Coarse, Fine]:
+        """Return both nets' answers; ``middle`` is the coarse net's input, if prepared."""
+        if middle is None:
+            middle = x.index_select(2, self.middle).index_select(3, self.middle)
+        coarse = self.coarse(middle)
+        felt = coarse.felt.index_select(2, self.handed).index_select(3, self.handed)
+        return coarse, self.upper(self.down4(self.stem(x)), felt)
+
+    def vote(self, x: Tensor, middle: Tensor | None = None) -> Answer:
+        """Return the full output, as training needs it; ``middle`` is the coarse net's input, if prepared."""
+        return self.weigh(*self.both(x, middle))
+
+    def weigh(self, coarse: Coarse, fine: Fine) -> Answer:
+        """Return the answer of both nets."""
+        own, n = fine.answer, len(JOINTS)
+        share = torch.sigmoid(fine.trust + self.trust + self.doubt * coarse.log_error)[:, :, None]
+        joints = share * coarse.joints + (1 - share) * own.landmarks[:, :n]
+        return own._replace(
+            landmarks=torch.cat([joints, own.landmarks[:, n:]], 1),
+            behind=coarse.behind + own.behind,
+            person=coarse.person + own.person,
+        )
 
     def forward(self, x: Tensor, middle: Tensor | None = None) -> tuple[Tensor, ...]:
         """Return the output without what only training needs."""

@@ -27,14 +27,10 @@ import typer
 from close_ups import CloseUpMaker
 from crops import CropSampler
 from joint_losses import Truth, joint_loss, keep_loss
-from joint_net import _HEELS, STRIDE, Answer, JointNet, _pooled
-from net import ConvUnit
+from joint_net import FineNet, JointNet
 from optimise import arithmetic, follow
 from rich.console import Console
 from torch import Tensor
-from torch.nn import functional
-
-from depth_pose.core.skeleton import JOINTS
 
 _LIKE, _WARM_UP, _EMA, _CLIP, _DECAY = 3.0, 100, 0.995, 5.0, 0.01
 """Weight of the channels' likeness, steps in which the rate rises, decay of the averaged weights per step,
@@ -42,62 +38,6 @@ largest norm of a gradient, and weight decay. Set by hand."""
 _CHANGED, _ANNY, _FRESH, _KEPT = 0.5, 0.35, 0.25, 16_000
 """Shares of batches that are changed and of people with a body of Anny; new close-ups for each crop, and
 close-ups that are kept. Set by hand."""
-
-
-class FineNet(JointNet):
-    """The net without the coarse one."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        del self.coarse, self.trust, self.doubt
-        self.squeeze8 = ConvUnit(128 + 192, 96, 1)
-
-    @classmethod
-    def of(cls, whole: JointNet) -> FineNet:
-        """Return the fine part of a net."""
-        net, given = cls(), whole.state_dict()
-        state = {name: given[name] for name in net.state_dict()}
-        state["squeeze8.0.weight"] = state["squeeze8.0.weight"][:, : 128 + 192]
-        net.load_state_dict(state)
-        return net
-
-    def upper(self, x4: Tensor) -> tuple[Answer, Tensor, Tensor]:
-        """Return the answer from channels at a fourth of the resolution, and the channels that follow."""
-        x8 = self.down8(x4)
-        return answer_of(self, x4, x8, self.down16(x8), None)
-
-    def forward(self, x: Tensor, middle: Tensor | None = None) -> tuple[Tensor, ...]:
-        """Return the output without what only training needs."""
-        return tuple(self.upper(self.down4(self.stem(x)))[0][:5])
-
-
-def answer_of(
-    net: JointNet, x4: Tensor, x8: Tensor, x16: Tensor, felt: Tensor | None
-) -> tuple[Answer, Tensor, Tensor]:
-    """Return the fine net's own answer, and its channels at an eighth and a fourth of the resolution."""
-    parts = [x8, functional.interpolate(x16, scale_factor=2)] + ([] if felt is None else [felt])
-    y8 = net.up8(net.squeeze8(torch.cat(parts, 1)))
-    y4 = net.up4(net.squeeze4(torch.cat([x4, functional.interpolate(y8, scale_factor=2)], 1)))
-    votes, heels = net.votes(y4).float().flatten(2), net.heels(y4).float().flatten(2)
-    own, said, log_weights = net._count(votes[:, :-1], len(JOINTS))
-    heel, heel_error, heel_weights = net._count(heels, _HEELS)
-    landmarks, errors = torch.cat([own, heel], 1), torch.cat([said[:, :, :2], heel_error], 1)
-    pooled = _pooled(net.look(x16).float().flatten(2)).to(x16.dtype)
-    person = net.person(pooled)[:, 0].float()
-    behind = net.behind(pooled)[:, 0].float() + votes[:, -1].mean(dim=-1)
-    mask = functional.pixel_shuffle(net.mask(y4).float(), STRIDE)[:, 0]
-    log_weights = torch.cat([log_weights, heel_weights], 1)
-    return Answer(landmarks, errors, behind, person, mask, log_weights, landmarks), y8, y4
-
-
-def teach(whole: JointNet, x: Tensor) -> tuple[Answer, Tensor, Tensor, Tensor]:
-    """Return the answer of both nets, and the fine one's channels: lower ones, then as `answer_of`."""
-    x4 = whole.down4(whole.stem(x))
-    x8 = whole.down8(x4)
-    middle = x.index_select(2, whole.middle).index_select(3, whole.middle)
-    felt = whole.coarse(middle).felt.index_select(2, whole.handed).index_select(3, whole.handed)
-    _, y8, y4 = answer_of(whole, x4, x8, whole.down16(x8), felt)
-    return whole.vote(x, middle), x4, y8, y4
 
 
 def unlike(channels: Tensor, taught: Tensor) -> Tensor:
@@ -131,7 +71,7 @@ def main(
         kept.requires_grad_(False)
     average, learned = copy.deepcopy(net), [p for p in net.parameters() if p.requires_grad]
     optimiser = torch.optim.AdamW(learned, torch.zeros(()), weight_decay=_DECAY, fused=True)
-    upper, taught_by = torch.compile(net.upper), torch.compile(lambda x: teach(whole, x))
+    upper, both = torch.compile(net.upper), torch.compile(whole.both)
     homes = (batch - found) // 2
     counts = train_joints.Counts(batch - found - homes, homes, found)
     drawn = train_joints.Batches((seed, 0), counts, sightings, _KEPT, _FRESH, _ANNY, 1, 0.5)
@@ -145,14 +85,15 @@ def main(
         features, *targets = next(batches)
         x = features.float().contiguous(memory_format=torch.channels_last)
         with arithmetic(None), torch.no_grad():
-            taught, x4, *channels = taught_by(x)
+            coarse, fine = both(x)
+            taught = whole.weigh(coarse, fine)
         with arithmetic(None):
-            answer, *own = upper(x4)
+            own = upper(fine.x4)
         truth = Truth(*targets)._replace(person=torch.sigmoid(taught.person))
-        loss, _ = joint_loss(answer, net.cells[0, 0, :2].T, truth)
-        like = sum(unlike(a, b) for a, b in zip(own, channels, strict=True))
+        loss, _ = joint_loss(own.answer, net.cells[0, 0, :2].T, truth)
+        like = unlike(own.y8, fine.y8) + unlike(own.y4, fine.y4)
         optimiser.zero_grad()
-        (loss + keep_loss(answer, taught) + _LIKE * like).backward()
+        (loss + keep_loss(own.answer, taught) + _LIKE * like).backward()
         torch.nn.utils.clip_grad_norm_(learned, _CLIP)
         share = min((step + 1) / _WARM_UP, 1.0, (1.0 - step / steps) / (1.0 - hold))
         optimiser.param_groups[0]["lr"].fill_(share * rate)

@@ -66,16 +66,16 @@ class Pace(NamedTuple):
         Number of moving people measured in every frame; others take turns.
     calm : CalmRule or None
         Who keeps the last measurement; None: nobody.
-    is_quick : bool
-        Whether people who were measured well are measured by the quick net.
+    has_quick_net : bool
+        Whether people who were measured well are measured by the quick net next.
     """
 
     most_fresh: int
     calm: CalmRule | None
-    is_quick: bool
+    has_quick_net: bool
 
 
-PACES = {
+_PACES = {
     "low": Pace(2, None, False),
     "normal": Pace(2, CalmRule(0.004, 0.004, False), False),
     "high": Pace(0, CalmRule(0.001, 0.025, True), True),
@@ -113,8 +113,8 @@ class Look:
         The image in which it was measured.
     label : int
         The person's label there.
-    is_certain : bool
-        Whether the probability and the deviations, as measured, say that the person was measured well.
+    quick_next : bool
+        Whether the person is measured by the quick net next: they were measured well, and the pace has it.
     is_calm : bool
         Whether hardly anything of the person has moved since.
     """
@@ -125,7 +125,7 @@ class Look:
     age: int
     frame: Candidates
     label: int
-    is_certain: bool = False
+    quick_next: bool = False
     is_calm: bool = False
 
 
@@ -138,10 +138,14 @@ class JointNetSchedule:
         Frames between two measurements of a person who moves, where they take turns.
     speed : str
         `depth_pose.core.config.SegmentConfig.speed`.
+
+    Attributes
+    ----------
+    pace : Pace
     """
 
     def __init__(self, every: int, speed: str = "normal") -> None:
-        self._every, self._pace = every, PACES[speed]
+        self._every, self.pace = every, _PACES[speed]
         self.reset()
 
     def reset(self) -> None:
@@ -168,7 +172,7 @@ class JointNetSchedule:
             All people in the frame.
         stamp_ns : int
         measure : callable
-            Measures one person, quickly or thoroughly.
+            Measures one person; whether by the quick net.
         threads : Threads
             Measure several people.
 
@@ -187,13 +191,13 @@ class JointNetSchedule:
             for n, last in enumerate(before)
             if last is not None and n not in calm and self._may_rest(last, stamp_ns)
         )
-        spare = max(0, self._pace.most_fresh - (len(people) - len(calm) - len(resting)))
+        spare = max(0, self.pace.most_fresh - (len(people) - len(calm) - len(resting)))
         # the oldest measurements are renewed first
         rests = {n for _, n in resting[: max(0, len(resting) - spare)]}
         looks, kept = [], calm | rests
         measured = iter(
             threads.map(
-                lambda n: measure(people[n], self._is_quick(before[n])),
+                lambda n: measure(people[n], (last := before[n]) is not None and last.quick_next),
                 [n for n in range(len(people)) if n not in kept],
             )
         )
@@ -208,7 +212,8 @@ class JointNetSchedule:
             else:
                 # the first interval varies, so that not all people are measured in the same frames
                 age, seen = 0 if last is not None else n % self._every, next(measured)
-                looks.append(Look(person.torso, seen, stamp_ns, age, found, person.label, _is_certain(seen)))
+                quick_next = self.pace.has_quick_net and _is_measured_well(seen)
+                looks.append(Look(person.torso, seen, stamp_ns, age, found, person.label, quick_next))
         self._looks = looks
         return looks
 
@@ -218,15 +223,12 @@ class JointNetSchedule:
         alone = len(near) == 1 and length_of(near[0].torso - person.torso) < _MOVED_M
         return near[0] if alone else None
 
-    def _is_quick(self, last: Look | None) -> bool:
-        return self._pace.is_quick and last is not None and last.is_certain
-
     def _may_rest(self, last: Look, stamp_ns: int) -> bool:
         is_recent = 0 < stamp_ns - last.stamp_ns <= MAX_REUSE_NS
         return is_recent and last.age + 1 < self._every and last.seen.probability >= _SURE
 
     def _is_calm(self, last: Look, person: TorsoDetection, found: Candidates, stamp_ns: int) -> bool:
-        rule = self._pace.calm
+        rule = self.pace.calm
         is_recent = 0 < stamp_ns - last.stamp_ns <= _CALM_NS and last.age < _CALM_FRAMES
         if (
             rule is None
@@ -241,5 +243,5 @@ class JointNetSchedule:
         return bool(area < (rule.moved_m2 if last.age else rule.moved_first_m2))
 
 
-def _is_certain(seen: JointMeasurement) -> bool:
+def _is_measured_well(seen: JointMeasurement) -> bool:
     return seen.probability >= _SURE and float(seen.sigma[:, 0].max()) < _WELL_M

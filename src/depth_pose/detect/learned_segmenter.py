@@ -22,7 +22,7 @@ from depth_pose.detect.crop import Crop
 from depth_pose.detect.crop_mask import add_and_remove, refuse
 from depth_pose.detect.finder import TorsoDetection
 from depth_pose.detect.joint_net import QUICK, JointNet, VotingNet
-from depth_pose.detect.joint_net_schedule import PACES, JointNetSchedule, Look
+from depth_pose.detect.joint_net_schedule import JointNetSchedule, Look
 from depth_pose.detect.mask_propagation import MaskPropagation
 from depth_pose.detect.sample_frame import sample_frame
 from depth_pose.detect.segmentation import Detection, Segmentation
@@ -71,10 +71,10 @@ class LearnedSegmenter:
         self.config, self._tuning, self._threads = config, tuning, threads
         self.candidates = CandidateFinder(config, weights, tuning)
         self.joint_net: JointNet = VotingNet(weights, config.mirror)
-        is_quick = PACES[config.speed].is_quick
-        self.quick_net = VotingNet(weights, config.mirror, QUICK) if is_quick else self.joint_net
         self._masks = MaskPropagation(config, tuning)
         self._schedule = JointNetSchedule(tuning.look_every, config.speed)
+        has_quick_net = self._schedule.pace.has_quick_net
+        self.quick_net = VotingNet(weights, config.mirror, QUICK) if has_quick_net else self.joint_net
         self.reset()
 
     def reset(self) -> None:
