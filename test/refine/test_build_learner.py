@@ -54,6 +54,13 @@ def test_a_good_frame_is_learned_from_and_a_bad_one_is_not(space, seen):
     assert follow(learner_of(space, personal=False), seen, Shape(), 0, 5).frames == 0
 
 
+def test_of_somebody_known_every_frame_is_not_needed(space, seen):
+    learner = learner_of(space)
+    known = follow(learner, seen, Shape(), 0, 20)
+    assert known.frames == 20
+    assert follow(learner, seen, known, 20, 10).frames == 25
+
+
 def test_a_build_goes_on_from_what_was_known(space, seen):
     learner = learner_of(space)
     before = follow(learner, seen, Shape(), 0, 5)

@@ -80,8 +80,6 @@ class BuildLearner:
         fitted: FittedBody,
         score: float,
         stamp_ns: int,
-        *,
-        is_calm: bool = False,
     ) -> Shape:
         """Learn from a fitted frame: from skin if it fits well, and always from measured joints.
 
@@ -95,10 +93,8 @@ class BuildLearner:
         score : float
             Rendered-depth disagreement of the fitted body.
         stamp_ns : int
-        is_calm : bool
-            Whether the person hardly moves.
         """
-        if not self._config.personal or not is_due(shape, stamp_ns, is_calm=is_calm):
+        if not self._config.personal or not is_due(shape, stamp_ns):
             return shape
         evidence = None
         if score <= self._tuning.worst_score:

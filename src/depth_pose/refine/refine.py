@@ -144,14 +144,8 @@ class Refiner:
             is_calm=person.found.is_calm,
         )
         body = self._unseen_legs.settle(self._bodies.space.body(shape.build), best.body, person.camera)
-        learned = self.builds.learn(
-            shape,
-            self._bodies.target(person),
-            best.body,
-            best.terms.depth,
-            person.stamp_ns,
-            is_calm=person.found.is_calm,
-        )
+        target = self._bodies.target(person)
+        learned = self.builds.learn(shape, target, best.body, best.terms.depth, person.stamp_ns)
         noise = renew_noise(state.answer.noise, skin_noise(person, best.terms.mean_depth_error))
         answer = state.answer._replace(pose=best.body.pose, noise=noise)
         state = state._replace(answer=answer, shape=learned)
