@@ -62,8 +62,8 @@ def rough():
 
 def test_first_step_twin(rough):
     """What lies beyond the kernel's support weighs at most 0.1 percent."""
-    assert kernels.steps_of(rough, H, SMALL.fx) == (1, 1)
-    found = kernels.project_first(rough, SMALL, H, (1, 1))
+    assert kernels.step_of(rough, H, SMALL.fx) == 1
+    found = kernels.project_first(rough, SMALL, H, 1)
     expected = _first(rough, SMALL)
     np.testing.assert_array_equal(found > 0, rough > 0)
     np.testing.assert_allclose(found, expected, atol=2e-4)
@@ -71,11 +71,11 @@ def test_first_step_twin(rough):
 
 
 def test_next_step_twin(rough):
-    once = kernels.project_first(rough, SMALL, H, (1, 1))
-    found = kernels.project_next(rough, once, SMALL, H, MU, (1, 1))
+    once = kernels.project_first(rough, SMALL, H, 1)
+    found = kernels.project_next(rough, once, SMALL, H, MU, 1)
     expected = _next(rough, once, SMALL, MU)
     np.testing.assert_allclose(found, expected, atol=4e-4)
-    plain = kernels.project_next(rough, once, SMALL, H, 0.0, (1, 1))
+    plain = kernels.project_next(rough, once, SMALL, H, 0.0, 1)
     assert np.abs(plain - found).max() > 1e-3, "the repulsion must do something"
 
 
@@ -93,9 +93,9 @@ def test_wide_supports_are_sampled():
     camera = Camera(120, 120, 600.0, 600.0, 59.5, 59.5)
     v, u = np.mgrid[:120, :120]
     depth = (1.0 + 0.05 * np.sin(u / 25.0) * np.cos(v / 30.0)).astype(np.float32)
-    steps = kernels.steps_of(depth, H, 600.0)
-    assert min(steps) > 4
-    found = kernels.project_first(depth, camera, H, steps)
+    step = kernels.step_of(depth, H, 600.0)
+    assert step > 4
+    found = kernels.project_first(depth, camera, H, step)
     p = _points(depth, camera)
     for i, j in ((60, 60), (45, 80), (75, 30)):
         x = p[i * 120 + j]

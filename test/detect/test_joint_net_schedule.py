@@ -121,14 +121,14 @@ def test_noise_moves_nobody() -> None:
     assert told == 0
 
 
-@pytest.mark.parametrize(("speed", "told"), [("normal", 1), ("high", 0)])
-def test_with_high_speed_a_silhouette_that_flickers_moves_nobody(speed, told) -> None:
+@pytest.mark.parametrize("speed", ["normal", "high"])
+def test_a_silhouette_that_flickers_moves_nobody(speed: str) -> None:
     """Every pixel changes, some to nearer and some to farther."""
     watcher = Watcher(speed=speed)
     watcher.see(at(0.0))
     flicker = np.where(np.indices(watcher.depth.shape).sum(axis=0) % 2, 0.2, -0.2).astype(np.float32)
     watcher.depth = watcher.depth + flicker
-    assert watcher.see(at(0.0), moves=None) == told and watcher.calm == [told == 0]
+    assert watcher.see(at(0.0), moves=None) == 0 and watcher.calm == [True]
 
 
 def test_speed() -> None:

@@ -58,11 +58,11 @@ def denoise_depth(
     """
     # Ye et al. eq. 2: x and y follow the depth along the pixel's ray, so depth is all that moves
     # Ye et al. eq. 4: also in further iterations, if `denoise.iterations` is above 1
-    h, steps = tuning.support_radius, kernels.steps_of(depth, tuning.support_radius, camera.fx)
+    h, step = tuning.support_radius, kernels.step_of(depth, tuning.support_radius, camera.fx)
     projected = depth
     for k in range(config.iterations):
         if k == 0:
-            projected = kernels.project_first(depth, camera, h, steps)
+            projected = kernels.project_first(depth, camera, h, step)
         else:
-            projected = kernels.project_next(depth, projected, camera, h, tuning.repulsion, steps)
+            projected = kernels.project_next(depth, projected, camera, h, tuning.repulsion, step)
     return kernels.drop_outliers(projected, camera, tuning.outlier_distance)

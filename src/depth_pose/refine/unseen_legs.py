@@ -26,7 +26,7 @@ _LEGS = tuple(
 _NEIGHBOURS = 40
 """Number of most similar poses that are averaged."""
 
-_POSES = 2000
+_POSES = 5000
 """Number of poses, about, among which they are searched; all of a bank's are as good."""
 
 _HALFWAY = 0.5
