@@ -55,4 +55,5 @@ class TrialNode(StageNode):
 
 
 if __name__ == "__main__":
+    print("imports done", flush=True)
     sys.exit(run_node(TrialNode))
