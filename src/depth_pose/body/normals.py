@@ -7,6 +7,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from depth_pose.core.rotations import lengths_of
+
 
 class Triangles(Protocol):
     """Any object with ``vertices``, (V, 3) float64, and ``faces``, (F, 3) int32: a `Body` or a mesh."""
@@ -33,4 +35,4 @@ def normals_of(vertices: NDArray[np.float64], faces: NDArray[np.int32], by_face:
 
     total = np.zeros(vertices.shape)
     add_face_normals(vertices, faces, by_face, total)
-    return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12))
+    return np.asarray(total / np.maximum(lengths_of(total)[:, None], 1e-12))

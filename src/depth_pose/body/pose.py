@@ -72,7 +72,7 @@ class Fitted:
         """Return the answer for a person without a pose."""
         return cls(body_id, stamp_ns, Source.LOST, None, np.zeros(0, np.float32), 1.0, 0.0)
 
-    @property
+    @cached_property
     def pose(self) -> BodyPose:
         """The fitted pose.
 
@@ -83,7 +83,7 @@ class Fitted:
         """
         return self._known.pose
 
-    @property
+    @cached_property
     def nodes(self) -> Nodes:
         """The body's nodes (21, 3), camera frame, metres."""
         return self._known.nodes

@@ -67,19 +67,18 @@ class _OneThreadEach(ContextDecorator):
             if self._libraries is None:  # those that are loaded by now
                 self._libraries = ThreadpoolController().lib_controllers
             if self._within == 0:
-                self._before = [library.get_num_threads() for library in self._libraries]
-                self._set([1] * len(self._libraries))
+                counts = [(library, library.get_num_threads()) for library in self._libraries]
+                self._limited = [(library, count) for library, count in counts if count != 1]
+                for library, _ in self._limited:
+                    library.set_num_threads(1)
             self._within += 1
 
     def __exit__(self, *_: object) -> None:
         with self._lock:
             self._within -= 1
             if self._within == 0:
-                self._set(self._before)
-
-    def _set(self, counts: list[int | None]) -> None:
-        for library, count in zip(self._libraries or [], counts, strict=True):
-            library.set_num_threads(count)
+                for library, count in self._limited:
+                    library.set_num_threads(count)
 
 
 one_thread_each = _OneThreadEach()

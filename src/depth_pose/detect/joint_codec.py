@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.measurement import CropView
 from depth_pose.core.odds import logistic
+from depth_pose.core.rotations import lengths_of
 from depth_pose.core.skeleton import MIRROR_LANDMARKS, Landmarks
 from depth_pose.detect import _crop_kernels as kernels
 
@@ -60,7 +61,7 @@ class JointCodes(NamedTuple):
     def mean(self, other: JointCodes) -> JointCodes:
         """Return the mean of two answers for one crop; left and right of the other are named alike."""
         gap, swapped_gap = (
-            np.linalg.norm(self.places - places, axis=1).sum()
+            lengths_of(self.places - places).sum()
             for places in (other.places, other.places[MIRROR_LANDMARKS])
         )
         if swapped_gap < gap:  # seen from the side: then it is also the other view
@@ -126,7 +127,7 @@ class JointCodec:
         from_behind = float(logistic(codes.behind))
         if from_behind > 0.5:
             places, sigma, error = (v[MIRROR_LANDMARKS] for v in (places, sigma, error))
-        apart = np.linalg.norm(places - places[MIRROR_LANDMARKS], axis=1)
+        apart = lengths_of(places - places[MIRROR_LANDMARKS])
         error = error + min(from_behind, 1.0 - from_behind) * apart
         return DecodedJoints(Landmarks(places), sigma, error, max(from_behind, 1.0 - from_behind))
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from depth_pose.bank.bank import Bank
 from depth_pose.core.measurement import JointMeasurement
-from depth_pose.core.rotations import nearest_rotation
+from depth_pose.core.rotations import nearest_rotation, unit_vectors
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, body_length
 from depth_pose.match import _search_kernels as kernels
 from depth_pose.match.placing import ScoredExemplars, unscored
@@ -94,16 +94,12 @@ def _lay(
 
 def _trunk(joints: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Compute the axes (N, 3, 3), in columns, and centres (N, 3) of the trunks of joints (N, 19, 3)."""
-    up = _unit(joints[:, _NECK] - joints[:, _PELVIS])
+    up = unit_vectors(joints[:, _NECK] - joints[:, _PELVIS])
     across = joints[:, _LEFT].mean(axis=1) - joints[:, _RIGHT].mean(axis=1)
-    across = _unit(across - (across * up).sum(axis=1, keepdims=True) * up)
+    across = unit_vectors(across - (across * up).sum(axis=1, keepdims=True) * up)
     axes = np.empty((len(joints), 3, 3))
     axes[:, :, 0], axes[:, :, 1] = across, up
     for a in range(3):
         b, c = (a + 1) % 3, (a + 2) % 3
         axes[:, a, 2] = across[:, b] * up[:, c] - across[:, c] * up[:, b]
     return axes, joints[:, _LEFT + _RIGHT].mean(axis=1)
-
-
-def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-9)

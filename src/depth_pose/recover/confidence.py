@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.odds import logistic, logit
+from depth_pose.core.rotations import lengths_of
 from depth_pose.core.skeleton import JOINT_INDEX, JOINTS, JointState
 from depth_pose.recover import _confidence_kernels as kernels
 from depth_pose.track.person_view import PersonView
@@ -167,7 +168,7 @@ def skeleton_signs(
     measured, seen, gap = person.measured, joints_that_count(states), 0.0
     if measured is not None:
         trust = seen * measured.confidence.astype(np.float64)
-        apart = np.linalg.norm(joints - measured.places, axis=1)
+        apart = lengths_of(joints - measured.places)
         gap = float(np.minimum(apart, _FAR_APART_M) @ trust / max(float(trust.sum()), 1e-6))
     mean = float(joint_confidence[seen].mean())
     return np.array([1.0, logit(person.found.probability, _LEAST_CHANCE), logit(mean, _LEAST_CHANCE), gap])
@@ -239,7 +240,7 @@ def _proposal_signs(positions: NDArray[np.float64], measured: JointMeasurement |
     if measured is None:
         return np.tile([0.0, _UNMEASURED], (len(positions), 1))
     sure = measured.confidence.astype(np.float64)
-    apart = np.linalg.norm(positions - measured.places, axis=1) / _APART_UNIT_M
+    apart = lengths_of(positions - measured.places) / _APART_UNIT_M
     chance = np.minimum(np.maximum(sure, _LEAST_CHANCE), 1.0 - _LEAST_CHANCE)
     signs = np.empty((len(positions), 2))
     signs[:, 0], signs[:, 1] = np.minimum(apart, _MOST_APART) * sure, np.log(chance / (1.0 - chance))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from depth_pose.body.angles import ANGLES, HANG
 from depth_pose.body.body import Body
 from depth_pose.body.pose import Fitted
-from depth_pose.core.rotations import length_of, rotation_y
+from depth_pose.core.rotations import length_of, lengths_of, rotation_y
 from depth_pose.core.skeleton import BONES, JOINT_NODES, JOINTS, NODE_INDEX
 from depth_pose.recover import _failure_kernels as kernels
 from depth_pose.recover.confidence import fit_confidence
@@ -188,7 +188,7 @@ class FailureCheck:
         if before is None:
             return None
         seconds = (fitted.stamp_ns - before.stamp_ns) * 1e-9
-        way = np.linalg.norm(fitted.joints - before.joints, axis=1)
+        way = lengths_of(fitted.joints - before.joints)
         allowed = _JUMP_M + self.tuning.joint_speed * seconds
         j = int(way.argmax())
         if way[j] <= allowed:
@@ -220,7 +220,7 @@ class FailureCheck:
 def bone_lengths(positions: NDArray[np.float64]) -> NDArray[np.float64]:
     """Compute the lengths of the 18 bones (m) of joints (19, 3)."""
     start, end = np.array(BONES).T
-    return np.asarray(np.linalg.norm(positions[end] - positions[start], axis=1))
+    return lengths_of(positions[end] - positions[start])
 
 
 def limit_excess(body: Body, fitted: Fitted) -> NDArray[np.float64]:

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.measurement import JointMeasurement
+from depth_pose.core.rotations import unit_vectors
 from depth_pose.core.skeleton import JointState
 
 _FIT_M, _FIT_RISE_M, _FIT_SCORE = 0.01, 0.3, 0.25
@@ -97,7 +98,7 @@ def weigh_joints(
         return Measured(fitted, np.zeros((len(fitted), 2)), np.repeat(of_fit, 2, axis=1))
     proposed = measured.named_like(fitted)
     apart = proposed.places - fitted
-    ray = proposed.places / np.linalg.norm(proposed.places, axis=1, keepdims=True)
+    ray = unit_vectors(proposed.places)
     along = (apart * ray).sum(axis=1, keepdims=True) * ray
     share = of_fit / (of_fit + proposed.sigmas**2 + _SHARED_M**2)
     joints = fitted + share[:, :1] * (apart - along) + share[:, 1:] * along
@@ -118,7 +119,7 @@ def covariances(
     states : (19,) uint8
         `depth_pose.core.skeleton.JointState` values; what is not seen is wider (`_UNSEEN`).
     """
-    ray = joints / np.linalg.norm(joints, axis=1, keepdims=True)
+    ray = unit_vectors(joints)
     widened = np.where(states == _SEEN, 1.0, _UNSEEN**2)
     across, along = (widened * variance.T)[..., None, None]
     return across * np.eye(3) + (along - across) * ray[:, :, None] * ray[:, None, :]

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from depth_pose.core.config import SmoothConfig
 from depth_pose.core.result import Skeleton
+from depth_pose.core.rotations import lengths_of
 from depth_pose.core.skeleton import Tracking
 from depth_pose.track.state import FilterState
 
@@ -50,7 +51,7 @@ def low_pass(
     dt = (stamp_ns - state.stamp_ns) * 1e-9
     share = _share(SPEED_CUTOFF_HZ, dt)
     velocity = state.velocity + share * ((positions - state.positions) / dt - state.velocity)
-    cutoff = config.min_cutoff + config.beta * np.linalg.norm(velocity, axis=1)
+    cutoff = config.min_cutoff + config.beta * lengths_of(velocity)
     filtered = positions
     if config.enabled:
         filtered = state.positions + _share(cutoff, dt)[:, None] * (positions - state.positions)

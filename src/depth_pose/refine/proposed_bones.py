@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.body.build import BUILD_NAMES, BuildSpace, combine
+from depth_pose.core.rotations import lengths_of
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES
 from depth_pose.refine.running_median import Bins
 from depth_pose.refine.upright_stance import SUREST, Standing
@@ -85,7 +86,7 @@ def measure_bones(standing: Standing, nodes: Array) -> BoneLengths:
         Nodes of the fitted body, metres, camera frame; they define the bone directions.
     """
     places, weights = standing.places, standing.weights
-    apart = np.linalg.norm(places[_ENDS[0]] - places[_ENDS[1]], axis=1)
+    apart = lengths_of(places[_ENDS[0]] - places[_ENDS[1]])
     bone, ray = nodes[NODES[0]] - nodes[NODES[1]], nodes[NODES[0]] + nodes[NODES[1]]
     along = (bone * ray).sum(axis=1) ** 2 / ((bone**2).sum(axis=1) * (ray**2).sum(axis=1))
     both = weights[_ENDS[0]] * weights[_ENDS[1]] / SUREST**2
@@ -134,4 +135,4 @@ class ProposedBones:
     def _lengths(self, x: Array) -> Array:
         """Compute the log bone lengths (m) of a build, (10,)."""
         bones = self._rest + combine(x[1:], self._parts)
-        return np.asarray(x[0] + np.log(np.linalg.norm(bones, axis=1)))
+        return np.asarray(x[0] + np.log(lengths_of(bones)))

@@ -33,6 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from depth_pose.core.measurement import TYPICAL_ERROR_M
+from depth_pose.core.rotations import lengths_of
 from depth_pose.core.skeleton import JOINT_INDEX, JOINT_NODES, rest_nodes
 from depth_pose.detect.segmentation import Detection
 
@@ -122,7 +123,7 @@ _BONES = np.array(
 
 
 def _lengths(joints: NDArray[np.floating]) -> NDArray[np.float64]:
-    return np.asarray(np.linalg.norm(joints[_BONES[1]] - joints[_BONES[0]], axis=1), np.float64)
+    return np.asarray(lengths_of(joints[_BONES[1]] - joints[_BONES[0]]), np.float64)
 
 
 _FRACTIONS = _lengths(rest_nodes()[JOINT_NODES])

@@ -80,7 +80,7 @@ class PersonView:
     is_cut_beside: bool
     floor: NDArray[np.float64]
 
-    @property
+    @cached_property
     def body_id(self) -> str:
         """Body id of the track."""
         return self.found.body_id
@@ -90,7 +90,7 @@ class PersonView:
         """Mean (3,) of the points, metres."""
         return np.asarray(self.points.mean(axis=0))
 
-    @property
+    @cached_property
     def measured(self) -> JointMeasurement | None:
         """The person's joints, as the joint net measured them; None without."""
         return self.found.measured
