@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -50,8 +52,7 @@ def test_moved_joints_are_less_exact_and_the_mask_goes_along(measured):
     assert moved.mask.view[:3] == pytest.approx((0.2, 0.0, 3.3))
     assert moved.places.dtype == moved.sigma.dtype == moved.heels.dtype == np.float32
     assert (moved.left_right_confidence, moved.probability) == (0.8, 0.9)
-    assert moved.without_mask().mask is None
-    assert moved.without_mask().moved(STILL, 0.0).mask is None
+    assert replace(moved, mask=None).moved(STILL, 0.0).mask is None
 
 
 @pytest.mark.parametrize("name", ["places", "sigma", "confidence"])

@@ -190,10 +190,6 @@ class JointMeasurement:
             mask=mask,
         )
 
-    def without_mask(self) -> JointMeasurement:
-        """Return the same as it leaves the process: without the mask."""
-        return replace(self, mask=None)
-
 
 def both_namings(measured: JointMeasurement | None) -> Proposals:
     """Return a person's joints under both namings of left and right; empty without a measurement."""

@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 
 class Bins(NamedTuple):
-    """Bins of a histogram: ``rows`` numbers a frame, start, step and number; the outer bins are open."""
+    """Bins of the histograms of ``rows`` values a frame: start, width, number; the outer bins are open."""
 
     rows: int
     first: float

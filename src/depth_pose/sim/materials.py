@@ -35,9 +35,6 @@ WORN: dict[str, dict[str, float]] = {
 }
 """Shares of the materials of each part of what people wear."""
 
-SWALLOWING = 0.012
-"""Reflectance below which a surface returns little or nothing at 2 m."""
-
 
 @dataclass(frozen=True)
 class Wardrobe:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import struct
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Quaternion
 from std_msgs.msg import Header
 
 from depth_pose.core.errors import InputError
@@ -39,9 +38,3 @@ def ns_to_stamp(stamp_ns: int) -> Time:
 def make_header(stamp_ns: int, frame_id: str) -> Header:
     """Build a header with the given stamp and frame."""
     return Header(stamp=ns_to_stamp(stamp_ns), frame_id=frame_id)
-
-
-def make_quaternion(xyzw: list[float]) -> Quaternion:
-    """Build a quaternion message from its four numbers."""
-    x, y, z, w = xyzw
-    return Quaternion(x=x, y=y, z=z, w=w)
