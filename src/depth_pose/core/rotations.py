@@ -114,7 +114,7 @@ def length_of(vector: Array) -> float:
 
 
 def lengths_of(vectors: NDArray[Any]) -> NDArray[Any]:
-    """Lengths (...) of vectors (..., N), as of `np.linalg.norm` along the last axis, in half its time."""
+    """Lengths (...) of vectors (..., N): `np.linalg.norm` along the last axis takes twice as long for few."""
     return np.sqrt(np.add.reduce(vectors * vectors, axis=-1))
 
 
