@@ -259,7 +259,7 @@ def warm_up_later_stages() -> None:
 def _compiling_beside() -> Iterator[None]:
     """Compile the later stages' kernels in a second process meanwhile, where they are not on disk yet.
 
-    Both processes find on disk what the other has compiled. Workers, of which there are several, go without.
+    Both processes find on disk what the other has compiled. Worker processes do not start a second one.
     """
     from depth_pose.refine._articulated_kernels import fit
 

@@ -31,12 +31,13 @@ class Watcher:
 
     def __init__(self, every: int = 2, probability: float = 0.99, speed: str = "normal") -> None:
         self.looks, self.probability, self.told = JointNetSchedule(every, speed), probability, 0
-        self.sigma_m, self.quick = 0.05, 0
+        self.sigma_m, self.expected = 0.05, list[np.ndarray | None]()
         self.stamp_ns = 10**18
         self.depth = np.full((24, 32), 3.0, np.float32)
 
-    def look(self, person: TorsoDetection, is_quick: bool) -> JointMeasurement:
-        self.told, self.quick = self.told + 1, self.quick + is_quick
+    def look(self, person: TorsoDetection, expected: np.ndarray | None) -> JointMeasurement:
+        self.told += 1
+        self.expected.append(expected)
         return JointMeasurement(
             places=np.tile(person.torso, (19, 1)).astype(np.float32),
             sigma=np.full((19, 2), self.sigma_m, np.float32),
@@ -48,7 +49,7 @@ class Watcher:
 
     def see(self, *people: TorsoDetection, step_ns: int = STEP_NS, moves: slice | None = slice(None)) -> int:
         """Return the number of people looked at in the next frame, in which rows of their surface move."""
-        self.stamp_ns, self.told, self.quick = self.stamp_ns + step_ns, 0, 0
+        self.stamp_ns, self.told, self.expected = self.stamp_ns + step_ns, 0, []
         self.depth = self.depth.copy()
         if moves is not None:
             self.depth[moves] += np.float32(0.1)
@@ -203,21 +204,24 @@ def test_people_who_stand_still_are_seen_the_same_in_between() -> None:
 
 
 @pytest.mark.parametrize(
-    ("speed", "probability", "sigma_m", "quick"),
+    ("probability", "sigma_m", "is_good"),
     [
-        ("high", 0.99, 0.05, True),
-        ("normal", 0.99, 0.05, False),
-        ("high", 0.85, 0.05, False),  # may be no person
-        ("high", 0.99, 0.15, False),  # a limb is hidden
+        (0.99, 0.05, True),
+        (0.85, 0.05, False),  # may be no person
+        (0.99, 0.15, False),  # a limb is hidden
     ],
 )
-def test_who_was_measured_well_is_measured_quickly(
-    speed: str, probability: float, sigma_m: float, quick: bool
+@pytest.mark.parametrize("speed", ["normal", "high"])
+def test_joints_of_who_was_measured_well_are_expected(
+    speed: str, probability: float, sigma_m: float, is_good: bool
 ) -> None:
     watcher = Watcher(probability=probability, speed=speed)
-    watcher.sigma_m = sigma_m
-    # also after a frame in which the measurement was reused
-    told = [(watcher.see(at(0.02 * k)), watcher.quick) for k in range(4)]
-    assert told[0] == (1, 0), "nobody new"
-    assert sum(fast for _, fast in told) == (sum(count for count, _ in told[1:]) if quick else 0)
-    assert sum(count for count, _ in told) > 1
+    watcher.sigma_m, looks = sigma_m, 0
+    for k in range(4):  # also after a frame in which the measurement was reused
+        x = 0.02 * k
+        looks += watcher.see(at(x))
+        for expected in watcher.expected:
+            assert (expected is not None) == (is_good and k > 0), "nobody expects somebody new"
+            if expected is not None:
+                np.testing.assert_allclose(expected, np.tile([x, 0.0, 3.0], (19, 1)), atol=1e-6)
+    assert looks > 1

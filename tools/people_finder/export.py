@@ -11,7 +11,8 @@ from typing import Any
 import torch
 from joint_net import SIDE, FineNet, JointNet
 from net import FinderNet
-from onnx_weights import halve
+from onnx_weights import free_window, halve
+from onnxruntime.quantization.shape_inference import quant_pre_process
 from torch import Tensor, nn
 
 from depth_pose.detect import _crop_kernels as crop_kernels
@@ -70,12 +71,16 @@ class _Seen(nn.Module):
 def export_joint_net(net: FineNet, checkpoint: Path, target: Path) -> bytes:
     """Write a checkpoint of the joint net as ONNX, with the names of `joint_net.Answer`.
 
-    The fine net alone has no second input, which is the coarse one's.
+    The fine net alone lacks the input of the coarse one. Its part sees any window of the crop.
     """
     sides = {"features": SIDE} | ({"middle": len(net.middle)} if isinstance(net, JointNet) else {})
     inputs = {name: (crop_kernels.CHANNELS, side, side) for name, side in sides.items()}
     outputs = ["landmarks", "log_error", "behind", "person", "mask"]
-    return _export(_load(net, checkpoint), target, inputs, outputs)
+    _export(_load(net, checkpoint), target, inputs, outputs)
+    quant_pre_process(str(target), str(target), skip_symbolic_shape=True)  # sizes become constants
+    free_window(target)
+    halve(target)
+    return target.read_bytes()
 
 
 def _load(net: nn.Module, checkpoint: Path) -> nn.Module:

@@ -12,11 +12,12 @@ from typing import Annotated
 import numpy as np
 import typer
 from fit_deviations import UNFITTED
-from joint_net import CELL_M, LEAST_WIDTH_M, SIDE, FineNet, JointNet
+from joint_net import CELL_M, COARSE_CELL_M, LEAST_WIDTH_M, SIDE, FineNet, JointNet
 from numpy.typing import NDArray
 from sightings import Sightings
 
 from depth_pose.core.odds import logistic, logit
+from depth_pose.detect.crop_window import CELL, CropGrid, cells_of
 from depth_pose.detect.net import open_net
 from export import JOINT_CODE, JOINT_FEATURES, export_joint_net, hash_code, write_settings
 
@@ -30,15 +31,23 @@ _THINGS = 0.2
 
 def logits_of(model: bytes, net: FineNet, found: Sightings) -> NDArray[np.float64]:
     """Return the logits of both looks, (N, 2)."""
-    session = open_net(model)
+    session, grid = open_net(model), crop_grid(net)
+    cells = cells_of(grid, grid.whole)
     second = []
     for k in range(len(found)):
-        given = {"features": found.batch(np.array([k]), None).features}
+        given = {"features": found.batch(np.array([k]), None).features} | cells
         if isinstance(net, JointNet):
             rows = net.middle.numpy()
             given["middle"] = given["features"][:, :, rows][..., rows]
         second.append(session.run(["person"], given)[0].item())
     return np.stack([[logit(float(p)) for p in found.probability], second], axis=1)
+
+
+def crop_grid(net: FineNet) -> CropGrid:
+    """Return the cells of a net's crop."""
+    if isinstance(net, JointNet):
+        return CropGrid(SIDE, CELL_M, len(net.middle) // CELL, CELL * COARSE_CELL_M)
+    return CropGrid(SIDE, CELL_M)
 
 
 def fit_odds(logits: NDArray[np.float64], is_person: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -71,8 +80,9 @@ def main(
     code = hash_code(JOINT_CODE + ("leave_out_coarse.py",) * alone, JOINT_FEATURES)
     crop = {"side": SIDE, "cell_m": CELL_M, "least_width_m": LEAST_WIDTH_M}
     if isinstance(net, JointNet):
-        crop["middle"] = net.middle.tolist()
-    settings = {"person": person.tolist(), "deviations": UNFITTED, **crop}
+        crop |= {"middle": net.middle.tolist(), "coarse_cell_m": CELL * COARSE_CELL_M}
+    odds = {"person": person.tolist(), "person_in_window": person.tolist()}
+    settings = {**odds, "deviations": UNFITTED, **crop}
     write_settings(out / "joint_finder.json", model, code, training=note, **settings)
 
 

@@ -36,8 +36,11 @@ STRIDE = 4
 """Side of a voting cell, pixels."""
 
 _CELLS = SIDE // STRIDE
-_COARSE_SIDE, _COARSE_CELL_M, _COARSE_WIDTH = 80, 0.032, 48
-"""Pixels along the coarse net's crop, the side of one in metres, and channels that it passes on."""
+COARSE_CELL_M = 0.032
+"""Size of a pixel of the coarse net's crop, metres."""
+
+_COARSE_SIDE, _COARSE_WIDTH = 80, 48
+"""Pixels along the coarse net's crop, and channels that it passes on."""
 _TRUST, _DOUBT = -1.5, -1.0
 """Initial weight of the coarse answer: logit at an error of 1 m, and its slope by the logarithm."""
 _HEELS = len(LANDMARKS) - len(JOINTS)
@@ -118,7 +121,7 @@ class CoarseNet(nn.Module):
         self.votes = nn.Sequential(_Unit(b, head), nn.Conv2d(head, 5 * n + 1, 1))
         self.look = _Unit(c, _PERSON_WIDTH)
         self.person = nn.Linear(2 * _PERSON_WIDTH, 1)
-        self.register_buffer("cells", _places(_COARSE_SIDE // 4, 4 * _COARSE_CELL_M), persistent=False)
+        self.register_buffer("cells", _places(_COARSE_SIDE // 4, 4 * COARSE_CELL_M), persistent=False)
 
     def forward(self, x: Tensor) -> Coarse:
         """Predict from a crop of the coarse net's size."""
@@ -301,8 +304,8 @@ class JointNet(FineNet):
         self.trust = nn.Parameter(torch.full((n,), _TRUST))
         self.doubt = nn.Parameter(torch.full((n,), _DOUBT))
         self.coarse = CoarseNet().requires_grad_(False)
-        self.register_buffer("middle", _nearest(_COARSE_SIDE, _COARSE_CELL_M, SIDE, CELL_M), persistent=False)
-        handed = _nearest(SIDE // 8, 8 * CELL_M, _COARSE_SIDE // 4, 4 * _COARSE_CELL_M)
+        self.register_buffer("middle", _nearest(_COARSE_SIDE, COARSE_CELL_M, SIDE, CELL_M), persistent=False)
+        handed = _nearest(SIDE // 8, 8 * CELL_M, _COARSE_SIDE // 4, 4 * COARSE_CELL_M)
         self.register_buffer("handed", handed, persistent=False)
 
     def both(self, x: Tensor, middle: Tensor | None = None) -> tuple[Coarse, Fine]:

@@ -1,4 +1,4 @@
-"""Changes of a net (ONNX): weights in 16 bits and back, images of any size, integers that are moved."""
+"""Changes of a net (ONNX): weights in 16 bits and back, images and windows of any size, moved integers."""
 
 from __future__ import annotations
 
@@ -81,9 +81,46 @@ def free_sides(path: Path) -> None:
         for dimension, name in zip(value.type.tensor_type.shape.dim[2:], ("rows", "columns"), strict=True):
             dimension.dim_param = f"{value.name}_{name}"
     del graph.value_info[:]  # sizes between the layers
-    used = {name for node in graph.node for name in node.input}
-    for tensor in [t for t in graph.initializer if t.name not in used]:
-        graph.initializer.remove(tensor)
+    _remove_unused(graph)
+    onnx.checker.check_model(model)
+    onnx.save(model, path)
+
+
+def free_window(path: Path) -> None:
+    """Let the fine part of a joint net take any window of its crop.
+
+    What it holds for the whole crop becomes inputs (`depth_pose.detect.crop_window.cells_of`): the places of
+    cells, and the coarse cell that each fine one joins. Sizes of reshapes follow the input.
+    """
+    model = onnx.shape_inference.infer_shapes(onnx.load(path))
+    graph = model.graph
+    sizes = {v.name: [d.dim_value for d in v.type.tensor_type.shape.dim] for v in graph.value_info}
+    values = {t.name: t for t in graph.initializer}
+    held = {n.output[0]: n.input[0] for n in graph.node if n.op_type == "Cast" and n.input[0] in values}
+    new: dict[str, tuple[int, list[int | str]]] = {}
+    cells = 0
+    for node in [n for n in graph.node if not n.name.startswith("/coarse/")]:
+        tensor = values.get(held.get(node.input[-1], node.input[-1]))
+        sides = tuple(tensor.dims) if tensor is not None else ()
+        if node.op_type == "Add" and sides[:3] == (1, 1, 3):
+            node.input[1], cells = "cells", sides[3]
+            new["cells"] = TensorProto.FLOAT, [1, 1, 3, "cells"]
+        elif node.op_type == "Gather" and len(sides) == 1:
+            (axis,) = (a.i for a in node.attribute if a.name == "axis")
+            node.input[1] = {2: "felt_rows", 3: "felt_columns"}[axis]
+            new[node.input[1]] = TensorProto.INT64, [node.input[1]]
+    for node in [n for n in graph.node if n.op_type == "Reshape" and n.input[1] in values]:
+        if not node.name.startswith("/coarse/") and (sides := sizes[node.output[0]])[-1] == cells:
+            follows = numpy_helper.from_array(np.array([*sides[:-1], -1]), node.input[1])
+            values[node.input[1]].CopyFrom(follows)
+    for value in (*graph.input, *graph.output):
+        if value.name in ("features", "mask"):
+            dims = list(value.type.tensor_type.shape.dim)[-2:]
+            for dimension, name in zip(dims, ("rows", "columns"), strict=True):
+                dimension.dim_param = f"{value.name}_{name}"
+    graph.input.extend(helper.make_tensor_value_info(name, *kind) for name, kind in new.items())
+    _remove_unused(graph)
+    del graph.value_info[:]  # sizes between the layers
     onnx.checker.check_model(model)
     onnx.save(model, path)
 
@@ -139,11 +176,19 @@ def double_by_copies(path: Path) -> None:
         ]
         for step in reversed(steps):
             graph.node.insert(at, step)
+    _remove_unused(graph)
+    onnx.checker.check_model(model)
+    onnx.save(model, path)
+
+
+def _remove_unused(graph: onnx.GraphProto) -> None:
+    """Remove conversions and weights that no node reads."""
+    used = {name for node in graph.node for name in node.input} | {o.name for o in graph.output}
+    for node in [n for n in graph.node if n.op_type == "Cast" and n.output[0] not in used]:
+        graph.node.remove(node)
     used = {name for node in graph.node for name in node.input}
     for tensor in [t for t in graph.initializer if t.name not in used]:
         graph.initializer.remove(tensor)
-    onnx.checker.check_model(model)
-    onnx.save(model, path)
 
 
 def _node(kind: str, output: str, *inputs: str, **options: object) -> onnx.NodeProto:

@@ -32,6 +32,8 @@ class Crop(NamedTuple):
         Approximate middle of shoulders and hips, camera frame, metres.
     probability : float
         Probability of a person, from the finder.
+    expected : (J, 3) float64 or None
+        Approximate joints, camera frame, metres, of somebody who was measured well a moment ago.
     """
 
     depth: NDArray[np.float32]
@@ -40,6 +42,7 @@ class Crop(NamedTuple):
     label: int
     torso: NDArray[np.float64]
     probability: float
+    expected: NDArray[np.float64] | None = None
 
 
 class CropSample(NamedTuple):

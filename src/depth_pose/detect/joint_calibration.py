@@ -69,18 +69,25 @@ class JointCalibration(NamedTuple):
 
     Attributes
     ----------
-    person : PersonOdds
+    person, person_in_window : PersonOdds
+        Of a whole crop, and of a window of one.
     deviations : DeviationScale
     """
 
     person: PersonOdds
+    person_in_window: PersonOdds
     deviations: DeviationScale
 
     @classmethod
     def of(cls, settings: Mapping[str, Any]) -> JointCalibration:
         """Return the calibration of a net's settings file."""
         deviations = (np.array(settings["deviations"][key]) for key in DeviationScale._fields)
-        return cls(PersonOdds(*settings["person"]), DeviationScale(*deviations))
+        person, in_window = (PersonOdds(*settings[key]) for key in ("person", "person_in_window"))
+        return cls(person, in_window, DeviationScale(*deviations))
+
+    def odds(self, in_window: bool) -> PersonOdds:
+        """Return the odds of a person for a look at a window, or at a whole crop."""
+        return self.person_in_window if in_window else self.person
 
 
 def crop_measures(sample: CropSample, label: int) -> NDArray[np.float64]:

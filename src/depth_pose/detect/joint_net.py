@@ -7,9 +7,11 @@ In the packaged net (`VotingNet`) each cell of the crop votes for every landmark
 vote (Xiong et al. 2019, *A2J*); it also predicts the deviation of each in the image plane and in depth, and
 whether the person is seen from behind. Hidden joints are inferred from the others, with larger deviations.
 Last, it predicts the probability that this is a person and not an object, trained on the finder's detections.
-Its four parts are `crop`, the net itself, `joint_codec` and `joint_calibration`. ``tools/people_finder``
-makes the weights; their settings hold the size of the crop. There are two nets: `THOROUGH`, which also sees
-the crop at a coarser scale, and `QUICK`, the same without that, for people who were measured well before.
+Of people who were measured well by the last look its fine part processes only the window of the crop that
+shows them (`crop_window`). Its parts are `crop`, the net itself, `joint_codec` and `joint_calibration`.
+``tools/people_finder`` makes the weights; their settings hold the size of the crop. There are two nets:
+`THOROUGH`, which also sees the crop at a coarser scale, and `QUICK`, the same without that, for people who
+were measured well before.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ from depth_pose.core.skeleton import JOINTS
 from depth_pose.detect import _crop_kernels as kernels
 from depth_pose.detect.crop import Crop, CropSample, CropSampler
 from depth_pose.detect.crop_mask import without_denied
+from depth_pose.detect.crop_window import CELL, CropGrid, Window, cells_of, window_around
 from depth_pose.detect.joint_calibration import JointCalibration, crop_measures
 from depth_pose.detect.joint_codec import JointCodec, JointCodes
 from depth_pose.detect.net import open_net, read_weights
@@ -74,27 +77,29 @@ class VotingNet:
     def __init__(self, weights: Path | None = None, mirror: bool = False, name: str = THOROUGH) -> None:
         self._mirror = mirror
         settings = json.loads(read_weights(f"{name}.json", weights))
-        side = int(settings["side"])
-        self.sampler = CropSampler(side, float(settings["cell_m"]))
+        middle = np.array(settings.get("middle", ()), np.int64)
+        self._grid = CropGrid(
+            settings["side"], settings["cell_m"], len(middle) // CELL, settings.get("coarse_cell_m", 1.0)
+        )
+        self.sampler = CropSampler(self._grid.side, self._grid.cell_m)
         self.session = open_net(read_weights(f"{name}.onnx", weights))
         self.codec = JointCodec(float(settings["least_width_m"]))
         self.calibration = JointCalibration.of(settings)
-        self._rows = np.array(settings.get("middle", []), np.int64)
-        self._inputs = _Inputs(side, len(self._rows))
+        self._inputs = _Inputs(self._grid, middle)
 
     def look(self, crop: Crop) -> JointMeasurement:
         """Measure the joints of a crop's person."""
         sample = self.sampler.sample(crop)
-        codes = self._ask(sample, crop.label)
+        codes = self._ask(sample, crop)
         own = sample.whose == crop.label
         denied = own & (codes.mask < 0.0)
         if denied.sum() > _DENIED * own.sum():
             crop = crop._replace(labels=without_denied(CropMask(codes.mask, sample.view), crop))
             sample = self.sampler.sample(crop)
-            codes = self._ask(sample, crop.label)
+            codes = self._ask(sample, crop)
         measures = crop_measures(sample, crop.label)
         if self._mirror:
-            flipped = self._ask(self.sampler.sample(crop, flip=-1.0), crop.label)
+            flipped = self._ask(self.sampler.sample(crop, flip=-1.0), crop)
             codes = codes.mean(flipped.mirrored())
         decoded = self.codec.decode(codes, sample.view)
         sigma = decoded.sigma * self.calibration.deviations.factors(measures)
@@ -105,26 +110,50 @@ class VotingNet:
             confidence=_rounded(confidence),
             heels=_rounded(np.concatenate([decoded.places, sigma], axis=1)[_JOINT_COUNT:]),
             left_right_confidence=decoded.left_right_confidence,
-            probability=self.calibration.person.probability(crop.probability, codes.person),
+            probability=self.calibration.odds(crop.expected is not None).probability(
+                crop.probability, codes.person
+            ),
             mask=CropMask(codes.mask, sample.view),
         )
 
-    def _ask(self, sample: CropSample, label: int) -> JointCodes:
-        """Run the net on one crop."""
-        given = self._inputs.given
-        kernels.fill_features(sample.grid, sample.whose, label, sample.view, given["features"][0])
-        if "middle" in given:
-            kernels.take_pixels(given["features"][0], self._rows, given["middle"][0])
-        places, log_width, behind, person, mask = self.session.run(_OUTPUTS, given)
-        return JointCodes(places[0], log_width[0], float(behind[0]), float(person[0]), mask[0])
+    def _ask(self, sample: CropSample, crop: Crop) -> JointCodes:
+        """Run the net on a crop, or on the window of it that shows a person whose joints are expected."""
+        window = self._grid.whole
+        if crop.expected is not None:
+            places = np.empty(crop.expected.shape)
+            kernels.to_crop(crop.expected, sample.view, places)
+            window = window_around(sample.whose == crop.label, places, self._grid.cell_m)
+        kernels.fill_features(sample.grid, sample.whose, crop.label, sample.view, self._inputs.features)
+        places, log_width, behind, person, seen = self.session.run(_OUTPUTS, self._inputs.of(window))
+        mask = seen[0]
+        if window != self._grid.whole:  # nothing is known outside
+            mask = np.zeros(sample.grid.shape, np.float32)
+            mask[window.rows_cols] = seen[0]
+        return JointCodes(places[0], log_width[0], float(behind[0]), float(person[0]), mask)
 
 
 class _Inputs(threading.local):
-    """The net's inputs: a crop and, if it has a coarse part, some of its pixels. Each thread has its own."""
+    """The net's inputs, in arrays that are used again. Each thread has its own.
 
-    def __init__(self, side: int, middle: int) -> None:
-        sides = {"features": side} | ({"middle": middle} if middle else {})
-        self.given = {n: np.zeros((1, kernels.CHANNELS, s, s), np.float32) for n, s in sides.items()}
+    Attributes
+    ----------
+    features : (CHANNELS, side, side) float32
+        Of the whole crop.
+    """
+
+    def __init__(self, grid: CropGrid, middle: NDArray[np.int64]) -> None:
+        self._grid, self._middle = grid, middle
+        self.features = np.zeros((kernels.CHANNELS, grid.side, grid.side), np.float32)
+        self._coarse = np.empty((1, kernels.CHANNELS, len(middle), len(middle)), np.float32)
+
+    def of(self, window: Window) -> dict[str, NDArray[np.float32] | NDArray[np.int64]]:
+        """Return the inputs for a window; the coarse part sees the whole crop."""
+        shown = self.features[(None, slice(None), *window.rows_cols)]
+        given = {"features": np.ascontiguousarray(shown)} | cells_of(self._grid, window)
+        if len(self._middle):
+            kernels.take_pixels(self.features, self._middle, self._coarse[0])
+            given["middle"] = self._coarse
+        return given
 
 
 def _rounded(values: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -110,8 +110,8 @@ class Look:
         The image in which it was measured.
     label : int
         The person's label there.
-    quick_next : bool
-        Whether the person is measured by the quick net next: they were measured well, and the pace has it.
+    is_good : bool
+        Whether the person was measured well: probably a person, no joint doubtful.
     is_calm : bool
         Whether hardly anything of the person has moved since.
     """
@@ -122,7 +122,7 @@ class Look:
     age: int
     frame: Candidates
     label: int
-    quick_next: bool = False
+    is_good: bool = False
     is_calm: bool = False
 
 
@@ -158,7 +158,7 @@ class JointNetSchedule:
         self,
         found: Candidates,
         stamp_ns: int,
-        measure: Callable[[TorsoDetection, bool], JointMeasurement],
+        measure: Callable[[TorsoDetection, NDArray[np.float64] | None], JointMeasurement],
         threads: Threads = ONE_THREAD,
     ) -> list[Look]:
         """Measure the people who move and whose turn it is, and reuse the last measurements of the others.
@@ -169,7 +169,8 @@ class JointNetSchedule:
             All people in the frame.
         stamp_ns : int
         measure : callable
-            Measures one person; whether by the quick net.
+            Measures one person. The joints (19, 3) of the last measurement, moved with the person, are given
+            if it was a good one.
         threads : Threads
             Measure several people.
 
@@ -194,7 +195,7 @@ class JointNetSchedule:
         looks, kept = [], calm | rests
         measured = iter(
             threads.map(
-                lambda n: measure(people[n], (last := before[n]) is not None and last.quick_next),
+                lambda n: measure(people[n], _expected(people[n], before[n])),
                 [n for n in range(len(people)) if n not in kept],
             )
         )
@@ -209,8 +210,8 @@ class JointNetSchedule:
             else:
                 # the first interval varies, so that not all people are measured in the same frames
                 age, seen = 0 if last is not None else n % self._every, next(measured)
-                quick_next = self.pace.has_quick_net and _is_measured_well(seen)
-                looks.append(Look(person.torso, seen, stamp_ns, age, found, person.label, quick_next))
+                is_good = is_measured_well(seen)
+                looks.append(Look(person.torso, seen, stamp_ns, age, found, person.label, is_good))
         self._looks = looks
         return looks
 
@@ -240,5 +241,13 @@ class JointNetSchedule:
         return bool(area < (rule.moved_m2 if last.age else rule.moved_first_m2))
 
 
-def _is_measured_well(seen: JointMeasurement) -> bool:
+def _expected(person: TorsoDetection, last: Look | None) -> NDArray[np.float64] | None:
+    """Return a person's joints as last measured, moved with them, if that measurement was a good one."""
+    if last is None or not last.is_good:
+        return None
+    return last.seen.places + (person.torso - last.torso)
+
+
+def is_measured_well(seen: JointMeasurement) -> bool:
+    """Check that it is probably a person, none of whose joints is doubtful."""
     return seen.probability >= _SURE and float(seen.sigma[:, 0].max()) < _WELL_M

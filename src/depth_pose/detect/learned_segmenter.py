@@ -57,8 +57,9 @@ class LearnedSegmenter:
     Attributes
     ----------
     candidates : CandidateFinder
-    joint_net, quick_net : JointNet
-        For everybody, and for people who were measured well; the same at a speed without quick measurements.
+    joint_net : JointNet
+    quick_net : JointNet or None
+        For people who were measured well, at a speed that has quick measurements.
     """
 
     def __init__(
@@ -73,8 +74,9 @@ class LearnedSegmenter:
         self.joint_net: JointNet = VotingNet(weights, config.mirror)
         self._masks = MaskPropagation(config, tuning)
         self._schedule = JointNetSchedule(tuning.look_every, config.speed)
-        has_quick_net = self._schedule.pace.has_quick_net
-        self.quick_net = VotingNet(weights, config.mirror, QUICK) if has_quick_net else self.joint_net
+        self.quick_net: JointNet | None = None
+        if self._schedule.pace.has_quick_net:
+            self.quick_net = VotingNet(weights, config.mirror, QUICK)
         self.reset()
 
     def reset(self) -> None:
@@ -102,7 +104,7 @@ class LearnedSegmenter:
         looks = self._schedule.renew(
             found,
             frame.stamp_ns,
-            lambda person, is_quick: self._look_at(person, found, labels, is_quick),
+            lambda person, expected: self._look_at(person, found, labels, expected),
             self._threads,
         )
         detections = [_detection(p, look) for p, look in zip(found.people, looks, strict=True)]
@@ -133,11 +135,16 @@ class LearnedSegmenter:
         )
 
     def _look_at(
-        self, person: TorsoDetection, found: Candidates, labels: NDArray[np.uint8], is_quick: bool
+        self,
+        person: TorsoDetection,
+        found: Candidates,
+        labels: NDArray[np.uint8],
+        expected: NDArray[np.float64] | None,
     ) -> JointMeasurement:
         """Measure a person's joints in a crop around them, with the probability of a person."""
-        return (self.quick_net if is_quick else self.joint_net).look(
-            Crop(found.depth, labels, found.camera, person.label, person.torso, person.probability)
+        net = self.joint_net if expected is None or self.quick_net is None else self.quick_net
+        return net.look(
+            Crop(found.depth, labels, found.camera, person.label, person.torso, person.probability, expected)
         )
 
 

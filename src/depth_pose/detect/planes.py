@@ -33,9 +33,9 @@ _SAMPLES = 2500
 _SEARCH_EVERY = 15
 """Frames between searches for new planes."""
 _ROUNDS, _FEWEST = 4, 10
-"""Maximum number of fits of one plane, each to the samples near the last, and fewest samples of one."""
+"""Maximum number of times that one plane is fitted, and minimum number of samples for a fit."""
 _LEVEL = math.cos(math.radians(40.0))
-"""Share of a normal along the camera's vertical from which a plane is one of `FLOOR_AREA_M2`."""
+"""Least vertical component of the normal of a floor or ceiling, whose least area is `FLOOR_AREA_M2`."""
 
 Array = NDArray[np.float64]
 

@@ -107,7 +107,7 @@ class FitCheck:
         self._found: dict[tuple[int, int], Misfit | None] = {}
 
     def forget(self, camera: int) -> None:
-        """Forget the sightings of a camera, whose place or clock is another now."""
+        """Forget the sightings of a camera; it was moved, or its clock was set."""
         self._paths = {key: path for key, path in self._paths.items() if key[0] != camera}
         self._found = {pair: found for pair, found in self._found.items() if camera not in pair}
 
