@@ -153,7 +153,7 @@ def main(
     settings = json.loads(path.read_text())
     settings["deviations"] = {name: v.round(4).tolist() for name, v in scale._asdict().items()}
     first, second, bias = settings["person"]
-    lost = float(np.median(looks.lost))
+    lost = float(np.median(looks.lost)) if len(looks.lost) else 0.0
     settings["person_in_window"] = [first, second, round(bias + second * lost, 2)]
     path.write_text(json.dumps(settings, indent=1) + "\n")
     print(f"windows of {len(looks.lost)} looks: {lost:.2f} less of a person's logit")
