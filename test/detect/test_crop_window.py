@@ -54,8 +54,8 @@ def test_cells_of_a_window_lie_where_its_pixels_do(window: Window) -> None:
     np.testing.assert_allclose(down.reshape(len(rows) // 4, -1)[:, 0], rows.reshape(-1, 4).mean(1))
     assert not deep.any()
     coarse = (np.arange(GRID.coarse_cells) + 0.5 - GRID.coarse_cells / 2) * GRID.coarse_cell_m
-    for felt, at in ((told["felt_rows"], rows), (told["felt_columns"], columns)):
-        assert np.abs(coarse[felt] - at.reshape(-1, 8).mean(1)).max() <= 0.5 * GRID.coarse_cell_m + 1e-9
+    for nearest, at in ((told["coarse_rows"], rows), (told["coarse_columns"], columns)):
+        assert np.abs(coarse[nearest] - at.reshape(-1, 8).mean(1)).max() <= 0.5 * GRID.coarse_cell_m + 1e-9
     assert list(cells_of(CropGrid(SIDE, CELL_M), window)) == ["cells"]
 
 

@@ -107,7 +107,7 @@ def free_window(path: Path) -> None:
             new["cells"] = TensorProto.FLOAT, [1, 1, 3, "cells"]
         elif node.op_type == "Gather" and len(sides) == 1:
             (axis,) = (a.i for a in node.attribute if a.name == "axis")
-            node.input[1] = {2: "felt_rows", 3: "felt_columns"}[axis]
+            node.input[1] = {2: "coarse_rows", 3: "coarse_columns"}[axis]
             new[node.input[1]] = TensorProto.INT64, [node.input[1]]
     for node in [n for n in graph.node if n.op_type == "Reshape" and n.input[1] in values]:
         if not node.name.startswith("/coarse/") and (sides := sizes[node.output[0]])[-1] == cells:

@@ -1,10 +1,10 @@
 """The window of a crop that shows somebody whose joints are roughly known.
 
-A crop has room for everybody, with both arms stretched out. Somebody who stands fills a third of it, and was
-measured a moment ago as a rule. Because the joint net is convolutional up to its last means, its fine part
-can process any window (Long et al. 2015, *Fully convolutional networks for semantic segmentation*); beyond
-the window its layers see zeros, as beyond the image. Windows lie on the grid of the net's largest stride, so
-that its cells are those of the whole crop.
+A crop has room for outstretched arms; somebody who stands fills a third of it, and their joints are usually
+known from the last frame. The joint net is convolutional up to its last means, so its fine part can process
+any window (Long et al. 2015, *Fully convolutional networks for semantic segmentation*); beyond the window its
+layers see zeros, as beyond the image. Windows lie on the grid of the net's largest stride: their cells are
+cells of the whole crop.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-STRIDE, CELL, FELT = 16, 4, 8
-"""Largest stride of the fine net, side of a voting cell, and stride at which channels of the coarse net join,
-pixels."""
+STRIDE, CELL, JOINED = 16, 4, 8
+"""Largest stride of the fine net, side of a voting cell, and stride at which the coarse net's channels join
+the fine net's, pixels."""
 
 _MARGIN_M = 0.2
 """Least distance between a joint or a pixel of the person and the border of the window, metres; .15 saves 2 %
@@ -93,7 +93,7 @@ class CropGrid(NamedTuple):
     side: int
     cell_m: float
     coarse_cells: int = 0
-    coarse_cell_m: float = 1.0
+    coarse_cell_m: float = 0.0
 
     @property
     def whole(self) -> Window:
@@ -109,7 +109,7 @@ def cells_of(grid: CropGrid, window: Window) -> dict[str, NDArray[np.float32] | 
     -------
     dict
         ``cells`` (1, 1, 3, cells) float32, their centres in the crop, metres. With a coarse net also
-        ``felt_rows`` and ``felt_columns`` int64, its cell for each cell of `FELT` pixels.
+        ``coarse_rows`` and ``coarse_columns`` int64, its nearest cell for each `JOINED` pixels.
     """
     rows, columns = (slice(n // CELL, m // CELL) for n, m in (window[:2], window[2:]))
     centres = _centres(grid.side // CELL, CELL * grid.cell_m)
@@ -117,18 +117,13 @@ def cells_of(grid: CropGrid, window: Window) -> dict[str, NDArray[np.float32] | 
     cells = np.stack([across, down, np.zeros_like(across)]).reshape(1, 1, 3, -1).astype(np.float32)
     if not grid.coarse_cells:
         return {"cells": cells}
-    fine, coarse = (
-        _centres(count, size)
-        for count, size in (
-            (grid.side // FELT, FELT * grid.cell_m),
-            (grid.coarse_cells, grid.coarse_cell_m),
-        )
-    )
+    fine = _centres(grid.side // JOINED, JOINED * grid.cell_m)
+    coarse = _centres(grid.coarse_cells, grid.coarse_cell_m)
     nearest = np.abs(fine[:, None] - coarse).argmin(axis=1)
     return {
         "cells": cells,
-        "felt_rows": nearest[window.top // FELT : window.bottom // FELT],
-        "felt_columns": nearest[window.left // FELT : window.right // FELT],
+        "coarse_rows": nearest[window.top // JOINED : window.bottom // JOINED],
+        "coarse_columns": nearest[window.left // JOINED : window.right // JOINED],
     }
 
 

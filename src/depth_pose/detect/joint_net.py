@@ -38,8 +38,8 @@ _OUTPUTS = ["landmarks", "log_error", "behind", "person", "mask"]
 """Outputs of the net."""
 
 THOROUGH, QUICK = "joint_finder", "quick_joint_finder"
-"""Names of the packaged nets; the second has .75 of the first's multiplications and takes .65 of its time;
-in a usual window .35 of these multiplications, the first .6."""
+"""Names of the packaged nets. For a whole crop the second takes .75 of the first's multiplications; for a
+window around somebody who stands, the first takes .6 and the second .35 of the first's for a whole crop."""
 
 _JOINT_COUNT = len(JOINTS)
 
@@ -79,9 +79,8 @@ class VotingNet:
         self._mirror = mirror
         settings = json.loads(read_weights(f"{name}.json", weights))
         middle = np.array(settings.get("middle", ()), np.int64)
-        self._grid = CropGrid(
-            settings["side"], settings["cell_m"], len(middle) // CELL, settings.get("coarse_cell_m", 1.0)
-        )
+        coarse = (len(middle) // CELL, settings["coarse_cell_m"]) if len(middle) else ()
+        self._grid = CropGrid(settings["side"], settings["cell_m"], *coarse)
         self.sampler = CropSampler(self._grid.side, self._grid.cell_m)
         self.session = open_net(read_weights(f"{name}.onnx", weights))
         self.codec = JointCodec(float(settings["least_width_m"]))

@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 from depth_pose.core.config import SegmentConfig
 from depth_pose.core.frame import DepthFrame
 from depth_pose.core.labels import BACKGROUND, HIDDEN
-from depth_pose.core.measurement import CropView, JointMeasurement
+from depth_pose.core.measurement import JointMeasurement
 from depth_pose.core.skeleton import JOINTS
 from depth_pose.core.threads import ONE_THREAD, Threads
 from depth_pose.detect import working_grid
 from depth_pose.detect._border_kernels import mark_at_limbs, mark_nearer
-from depth_pose.detect._crop_kernels import to_crop
 from depth_pose.detect.candidates import CandidateFinder, Candidates
 from depth_pose.detect.crop import Crop
 from depth_pose.detect.crop_mask import add_and_remove, refuse
@@ -92,8 +91,11 @@ class LearnedSegmenter:
         self.candidates.warm_up()
         frame = sample_frame()
         for k in range(2):  # the first frame is searched, the second carried over
-            self.segment(replace(frame, stamp_ns=k * _STEP_NS))
-        to_crop(np.zeros((1, 3)), CropView(0.0, 0.0, 1.0, 0.02), np.empty((1, 3)))  # for windows of crops
+            seen = self.segment(replace(frame, stamp_ns=k * _STEP_NS))
+        place = np.array([0.0, 0.0, 3.0])
+        crop = Crop(seen.depth, seen.labels, seen.camera, 1, place, 0.5, np.tile(place, (len(JOINTS), 1)))
+        for net in filter(None, (self.joint_net, self.quick_net)):
+            net.look(crop)  # the window of somebody who was measured well
         self.reset()
 
     def segment(self, frame: DepthFrame) -> Segmentation:
