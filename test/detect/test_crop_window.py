@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import synthetic as syn
+from depth_pose.core.measurement import CropView
 from depth_pose.core.skeleton import JOINT_NODES
-from depth_pose.detect.crop import Crop
+from depth_pose.detect.crop import Crop, CropSample
 from depth_pose.detect.crop_window import STRIDE, CropGrid, Window, cells_of, window_around
 from depth_pose.detect.joint_net import QUICK, THOROUGH, VotingNet
 from depth_pose.detect.net import read_weights
@@ -20,14 +21,16 @@ GRID = CropGrid(SIDE, CELL_M, len(SETTINGS["middle"]) // 4, SETTINGS["coarse_cel
 WINDOWS = [Window(0, 112, 32, 96), Window(112, 128, 0, 16), Window(0, 128, 0, 128)]
 
 
-def places(*points: tuple[float, float]) -> np.ndarray:
-    return np.array([[x, y, 0.0] for x, y in points])
+def around(shown: np.ndarray, *joints: tuple[float, float]) -> Window:
+    """Return the window of a crop 2 m away, in whose middle the camera looks."""
+    sample = CropSample(CropView(0.0, 0.0, 2.0, CELL_M), shown.astype(np.float32), shown.astype(np.int64))
+    return window_around(sample, 1, np.array([[x, y, 2.0] for x, y in joints]))
 
 
 def test_a_window_holds_pixels_and_joints_with_a_margin() -> None:
     shown = np.zeros((SIDE, SIDE), np.bool_)
     shown[40:90, 50:70] = True
-    window = window_around(shown, places((-0.4, 0.0), (0.1, 0.6)), CELL_M)
+    window = around(shown, (-0.4, 0.0), (0.1, 0.6))
     joints = slice(round(64 + 0.6 / CELL_M)), slice(round(64 - 0.4 / CELL_M), None)
     assert window.top <= 40 - 7 and window.bottom >= joints[0].stop + 7
     assert window.left <= joints[1].start - 7 and window.right >= 70 + 7
@@ -35,12 +38,10 @@ def test_a_window_holds_pixels_and_joints_with_a_margin() -> None:
     assert window.bottom - window.top < 94 - 40 + 2 * (8 + STRIDE)
 
 
-@pytest.mark.parametrize(
-    "joints", [places((-9.0, -9.0), (9.0, 9.0)), places((9.0, 9.0)), places((-5.0, 0.0))]
-)
-def test_a_window_stays_in_the_crop(joints: np.ndarray) -> None:
+@pytest.mark.parametrize("joints", [[(-9.0, -9.0), (9.0, 9.0)], [(9.0, 9.0)], [(-5.0, 0.0)]])
+def test_a_window_stays_in_the_crop(joints: list[tuple[float, float]]) -> None:
     for shown in (np.zeros((SIDE, SIDE), np.bool_), np.ones((SIDE, SIDE), np.bool_)):
-        window = window_around(shown, joints, CELL_M)
+        window = around(shown, *joints)
         assert 0 <= window.top < window.bottom <= SIDE and 0 <= window.left < window.right <= SIDE
     assert window == GRID.whole
 
@@ -48,7 +49,7 @@ def test_a_window_stays_in_the_crop(joints: np.ndarray) -> None:
 @pytest.mark.parametrize("window", WINDOWS)
 def test_cells_of_a_window_lie_where_its_pixels_do(window: Window) -> None:
     told, pixels = cells_of(GRID, window), (np.arange(SIDE) + 0.5 - SIDE / 2) * CELL_M
-    rows, columns = (pixels[part] for part in window.rows_cols)
+    rows, columns = pixels[window.top : window.bottom], pixels[window.left : window.right]
     across, down, deep = told["cells"][0, 0]
     np.testing.assert_allclose(across.reshape(len(rows) // 4, -1)[0], columns.reshape(-1, 4).mean(1))
     np.testing.assert_allclose(down.reshape(len(rows) // 4, -1)[:, 0], rows.reshape(-1, 4).mean(1))

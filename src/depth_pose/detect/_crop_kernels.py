@@ -155,6 +155,35 @@ def fill_features(grid, whose, label, look, out):
 
 
 @njit(cache=True)
+def find_window(whose, label, joints, look, margin, stride):
+    """Find the smallest window of a crop with a person's pixels and joints, and a margin (m) around both.
+
+    ``joints`` (J, 3) are in the camera frame, metres. Returns the first row, the one behind the last, and the
+    same of the columns, all multiples of ``stride`` that lie in the crop.
+    """
+    side = whose.shape[0]
+    places = np.empty(joints.shape)
+    to_crop(joints, look, places)
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for k in range(places.shape[0]):
+        for axis in range(2):
+            at = places[k, 1 - axis] / look.cell + 0.5 * side
+            low[axis], high[axis] = min(low[axis], at), max(high[axis], at)
+    for i in range(side):
+        for j in range(side):
+            if whose[i, j] == label:
+                low[0], high[0] = min(low[0], i), max(high[0], i + 1)
+                low[1], high[1] = min(low[1], j), max(high[1], j + 1)
+    first, end = np.empty(2, np.int64), np.empty(2, np.int64)
+    for axis in range(2):  # joints beyond the crop leave a window at its border
+        down = stride * int(np.floor((low[axis] - margin / look.cell) / stride))
+        up = stride * int(np.ceil((high[axis] + margin / look.cell) / stride))
+        first[axis] = min(max(down, 0), side - stride)
+        end[axis] = min(max(up, first[axis] + stride), side)
+    return first[0], end[0], first[1], end[1]
+
+
+@njit(cache=True)
 def take_pixels(features, chosen, out):
     """Copy some rows of features (C, H, W), and the columns of the same numbers: the coarse net's input."""
     for c in range(features.shape[0]):

@@ -10,11 +10,13 @@ cells of the whole crop.
 from __future__ import annotations
 
 from functools import lru_cache
-from math import ceil, floor
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from depth_pose.detect import _crop_kernels as kernels
+from depth_pose.detect.crop import CropSample
 
 STRIDE, CELL, JOINED = 16, 4, 8
 """Largest stride of the fine net, side of a voting cell, and stride at which the coarse net's channels join
@@ -40,39 +42,19 @@ class Window(NamedTuple):
     left: int
     right: int
 
-    @property
-    def rows_cols(self) -> tuple[slice, slice]:
-        """The window as an index of an image."""
-        return slice(self.top, self.bottom), slice(self.left, self.right)
 
-
-def window_around(shown: NDArray[np.bool_], places: NDArray[np.float64], cell_m: float) -> Window:
+def window_around(sample: CropSample, label: int, joints: NDArray[np.float64]) -> Window:
     """Return the smallest window with a person's pixels and joints, and a margin around both.
 
     Parameters
     ----------
-    shown : (side, side) bool
-        Pixels of a crop that show the person.
-    places : (J, 3) float64
-        Joints in the crop's coordinates (`depth_pose.detect._crop_kernels.to_crop`), metres.
-    cell_m : float
-        Side of a pixel at the torso's distance, metres.
+    sample : CropSample
+    label : int
+        The person's.
+    joints : (J, 3) float64
+        Camera frame, metres.
     """
-    margin, middle = _MARGIN_M / cell_m, 0.5 * len(shown)
-    ends: list[int] = []
-    for axis, joints in ((1, places[:, 1]), (0, places[:, 0])):
-        pixels = np.flatnonzero(shown.any(axis=axis))
-        first, last = joints.min() / cell_m + middle, joints.max() / cell_m + middle
-        if len(pixels):
-            first, last = min(first, pixels[0]), max(last, pixels[-1] + 1)
-        ends += _steps_around(first - margin, last + margin, len(shown))
-    return Window(*ends)
-
-
-def _steps_around(first: float, last: float, side: int) -> tuple[int, int]:
-    """Return the ends of the smallest number of steps around a part of a side, at least one."""
-    low = min(max(STRIDE * floor(first / STRIDE), 0), side - STRIDE)
-    return low, min(max(STRIDE * ceil(last / STRIDE), low + STRIDE), side)
+    return Window(*kernels.find_window(sample.whose, label, joints, sample.view, _MARGIN_M, STRIDE))
 
 
 class CropGrid(NamedTuple):

@@ -80,12 +80,13 @@ class VotingNet:
         settings = json.loads(read_weights(f"{name}.json", weights))
         middle = np.array(settings.get("middle", ()), np.int64)
         coarse = (len(middle) // CELL, settings["coarse_cell_m"]) if len(middle) else ()
-        self._grid = CropGrid(settings["side"], settings["cell_m"], *coarse)
-        self.sampler = CropSampler(self._grid.side, self._grid.cell_m)
+        grid = CropGrid(settings["side"], settings["cell_m"], *coarse)
+        self._whole = grid.whole
+        self.sampler = CropSampler(grid.side, grid.cell_m)
         self.session = open_net(read_weights(f"{name}.onnx", weights))
         self.codec = JointCodec(float(settings["least_width_m"]))
         self.calibration = JointCalibration.of(settings)
-        self._inputs = _Inputs(self._grid, middle)
+        self._inputs = _Inputs(grid, middle)
 
     def look(self, crop: Crop) -> JointMeasurement:
         """Measure the joints of a crop's person."""
@@ -118,17 +119,15 @@ class VotingNet:
 
     def _ask(self, sample: CropSample, crop: Crop) -> JointCodes:
         """Run the net on a crop, or on the window of it that shows a person whose joints are expected."""
-        window = self._grid.whole
+        window = self._whole
         if crop.expected is not None:
-            places = np.empty(crop.expected.shape)
-            kernels.to_crop(crop.expected, sample.view, places)
-            window = window_around(sample.whose == crop.label, places, self._grid.cell_m)
+            window = window_around(sample, crop.label, crop.expected)
         kernels.fill_features(sample.grid, sample.whose, crop.label, sample.view, self._inputs.features)
         places, log_width, behind, person, seen = self.session.run(_OUTPUTS, self._inputs.of(window))
         mask = seen[0]
-        if window != self._grid.whole:  # nothing is known outside
+        if window != self._whole:  # nothing is known outside
             mask = np.zeros(sample.grid.shape, np.float32)
-            mask[window.rows_cols] = seen[0]
+            mask[window.top : window.bottom, window.left : window.right] = seen[0]
         return JointCodes(places[0], log_width[0], float(behind[0]), float(person[0]), mask)
 
 
@@ -148,7 +147,7 @@ class _Inputs(threading.local):
 
     def of(self, window: Window) -> dict[str, NDArray[np.float32] | NDArray[np.int64]]:
         """Return the inputs for a window; the coarse part sees the whole crop."""
-        shown = self.features[(None, slice(None), *window.rows_cols)]
+        shown = self.features[None, :, window.top : window.bottom, window.left : window.right]
         given = {"features": np.ascontiguousarray(shown)} | cells_of(self._grid, window)
         if len(self._middle):
             kernels.take_pixels(self.features, self._middle, self._coarse[0])
